@@ -1,0 +1,47 @@
+//! stockpilot measures piles of bulk material from a drone that flies without GPS, and says how
+//! sure it is.
+//!
+//! Modules stand in ranks; a module imports lower ranks only.
+//!
+//! | rank | module | lives there |
+//! | --- | --- | --- |
+//! | 0 | [`units`], [`time`] | conversions, instants |
+//! | 1 | [`geometry`], [`stats`] | frames as types, transforms; gates, seeded noise |
+//! | 2 | [`messages`] | plain data that modules exchange |
+//! | 3 | [`localization`], [`mapping`] | where the vehicle is; what the surface is |
+//! | 4 | [`planning`] | where to look next, and how to get there |
+//! | 5 | [`mission`] | phases and guards |
+//! | 6 | [`pilot`] | the brain: one event in, actions out, no I/O |
+//! | 7–8 | feature `service` | configuration, links, drivers, log, tasks |
+
+pub mod units;
+
+pub mod time;
+
+pub mod geometry;
+pub mod stats;
+
+pub mod messages;
+
+pub mod localization;
+pub mod mapping;
+
+pub mod planning;
+
+pub mod mission;
+
+pub mod pilot;
+
+#[cfg(feature = "service")]
+pub mod camera;
+#[cfg(feature = "service")]
+pub mod config;
+#[cfg(feature = "service")]
+pub mod lidar;
+#[cfg(feature = "service")]
+pub mod link;
+#[cfg(feature = "service")]
+pub mod record;
+
+#[cfg(feature = "service")]
+pub mod service;

@@ -1,0 +1,24 @@
+//! Plain data that modules exchange. No behaviour beyond constructors and checks of finiteness.
+
+mod camera;
+mod imu;
+mod map;
+mod nav;
+mod operator;
+mod scan;
+mod setpoint;
+mod vehicle;
+
+pub use camera::{CameraId, TagDetection, TagDetections, TagFamily};
+pub use imu::ImuSample;
+pub use map::{GridGeometry, HeightMap, HitCounts, VolumeEstimate};
+pub use nav::{FixOutcome, FixRecord, NavEstimate, Verdict, state};
+pub use operator::{
+    OperatorAnswer, OperatorCommand, OperatorRequest, OperatorVerb, Severity, StatusText,
+};
+pub use scan::{Beam, Scan};
+pub use setpoint::Setpoint;
+pub use vehicle::{
+    AutopilotPose, BatterySample, CommandOutcome, FlightMode, LandedState, VehicleCommand,
+    VehicleState,
+};

@@ -1,0 +1,117 @@
+//! What the localisation says of the vehicle.
+
+use crate::geometry::{Body, Direction, Hall, Transform};
+use crate::time::{Mono, Stamp};
+use nalgebra::{Matrix6, SMatrix, Vector3};
+
+/// Order and size of the error state, in one place.
+pub mod state {
+    use std::ops::Range;
+
+    /// Number of error states.
+    pub const SIZE: usize = 15;
+    /// Position error in hall axes, m.
+    pub const POS: Range<usize> = 0..3;
+    /// Attitude error, right-multiplicative, in body axes, rad.
+    pub const ATT: Range<usize> = 3..6;
+    /// Velocity error in hall axes, m/s.
+    pub const VEL: Range<usize> = 6..9;
+    /// Gyroscope bias error, rad/s.
+    pub const GYRO_BIAS: Range<usize> = 9..12;
+    /// Accelerometer bias error, m/s².
+    pub const ACCEL_BIAS: Range<usize> = 12..15;
+}
+
+/// The filter's belief at one instant.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NavEstimate {
+    /// When it is valid.
+    pub at: Stamp<Mono>,
+    /// Pose of the body in the hall.
+    pub hall_from_body: Transform<Hall, Body>,
+    /// Velocity of the body in hall axes, m/s.
+    pub velocity_mps: Direction<Hall>,
+    /// Angular velocity in body axes with the bias removed, rad/s.
+    pub gyro_radps: Vector3<f64>,
+    /// Gyroscope bias in body axes, rad/s.
+    pub gyro_bias_radps: Vector3<f64>,
+    /// Accelerometer bias in body axes, m/s².
+    pub accel_bias_mps2: Vector3<f64>,
+    /// Covariance of the error state, 15×15 in the order of [`state`].
+    pub error_cov: SMatrix<f64, 15, 15>,
+    /// Counts the jumps of the pose that were declared, modulo 256.
+    pub reset_counter: u8,
+}
+
+impl NavEstimate {
+    /// Covariance of the pose error: position in hall axes (m), attitude in body axes (rad), 6×6.
+    #[must_use]
+    pub fn pose_cov(&self) -> Matrix6<f64> {
+        self.error_cov.fixed_view::<6, 6>(0, 0).into_owned()
+    }
+
+    /// Standard deviations of the position in hall axes, m.
+    #[must_use]
+    pub fn position_sigma_m(&self) -> Vector3<f64> {
+        Vector3::from_fn(|axis, _| self.error_cov[(axis, axis)].max(0.0).sqrt())
+    }
+}
+
+/// What became of one attempt to fuse a measurement.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Verdict {
+    /// Used.
+    Fused,
+    /// Used to start the filter.
+    Initialized,
+    /// Its innovation lies outside the gate.
+    Gated,
+    /// Older than the delay ring.
+    TooOld,
+    /// Stamped in the future.
+    FromTheFuture,
+    /// The points do not determine a pose.
+    NotObservable,
+    /// No mapped tag in the frame.
+    NoKnownTag,
+    /// The filter is not initialised and this measurement cannot do it.
+    NotInitialized,
+    /// The solution does not explain the pixels.
+    BadResidual,
+}
+
+/// A pose measured from one frame of tags.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FixOutcome {
+    /// Pose of the body in the hall.
+    pub hall_from_body: Transform<Hall, Body>,
+    /// Covariance of the pose error, 6×6, in the order and axes of [`NavEstimate::pose_cov`].
+    pub pose_cov: Matrix6<f64>,
+    /// Root mean square of the reprojection residuals, px.
+    pub residual_rms_px: f64,
+    /// Quality of the fix: 1/√tr(Σ^χ), m² and rad² added as the paper does.
+    pub q_pos: f64,
+}
+
+/// The record of one attempt to fuse a frame of tags.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FixRecord {
+    /// When the frame was exposed.
+    pub at: Stamp<Mono>,
+    /// How late it arrived at the filter, s.
+    pub age_s: f64,
+    /// Tags in the frame.
+    pub n_tags: usize,
+    /// Tags that are in the marker map and were used.
+    pub n_tags_used: usize,
+    /// The fix, if one was found.
+    pub fix: Option<FixOutcome>,
+    /// Innovation of the six pose components, if it came that far: m and rad.
+    pub innovation: Option<[f64; 6]>,
+    /// Normalised innovation squared.
+    pub nis: Option<f64>,
+    /// The bound that `nis` had to keep.
+    pub nis_gate: f64,
+    /// What became of it.
+    pub verdict: Verdict,
+}

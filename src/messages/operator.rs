@@ -1,0 +1,73 @@
+//! Talk with the people at the ground station.
+
+use crate::time::{Mono, Stamp};
+
+/// What a person may ask for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum OperatorVerb {
+    /// Begin a survey from the ground.
+    Start,
+    /// Stop and keep the place.
+    Hold,
+    /// Go on after a hold.
+    Resume,
+    /// Fly back to the pad and land.
+    Return,
+    /// Land here.
+    Land,
+}
+
+/// Who asked, so that the answer finds its way back. MAVLink system and component id.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct OperatorRequest {
+    /// MAVLink system id of the requester.
+    pub system: u8,
+    /// MAVLink component id of the requester.
+    pub component: u8,
+}
+
+/// A person's wish, as it arrived.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct OperatorCommand {
+    /// When it arrived.
+    pub at: Stamp<Mono>,
+    /// What is wanted.
+    pub verb: OperatorVerb,
+    /// Who wants it.
+    pub from: OperatorRequest,
+}
+
+/// What became of a person's wish.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct OperatorAnswer {
+    /// What was wanted.
+    pub verb: OperatorVerb,
+    /// Who wanted it.
+    pub to: OperatorRequest,
+    /// True if it is done or under way already; false if it makes no sense now.
+    pub is_accepted: bool,
+}
+
+/// How urgent a text is, as in syslog.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Severity {
+    /// The flight is affected.
+    Critical,
+    /// Something failed.
+    Error,
+    /// Degraded but flying.
+    Warning,
+    /// Worth knowing.
+    Notice,
+    /// Progress.
+    Info,
+}
+
+/// One line for a person.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct StatusText {
+    /// How urgent.
+    pub severity: Severity,
+    /// The line, without a line break.
+    pub text: String,
+}
