@@ -1,6 +1,6 @@
 //! Rotations between frames, and the exponential map of SO(3).
 
-use super::Direction;
+use super::{Direction, Frame};
 use nalgebra::{Matrix3, Quaternion, Unit, UnitQuaternion, Vector3};
 use std::marker::PhantomData;
 use std::ops::Mul;
@@ -12,7 +12,7 @@ pub struct Rotation<To, From> {
     frames: PhantomData<(To, From)>,
 }
 
-impl<To, From> Rotation<To, From> {
+impl<To: Frame, From: Frame> Rotation<To, From> {
     /// The rotation given by a unit quaternion (Hamilton, w first in print).
     #[must_use]
     pub const fn from_quaternion(quaternion: UnitQuaternion<f64>) -> Self {
@@ -91,14 +91,14 @@ impl<To, From> Rotation<To, From> {
     }
 }
 
-impl<To, Mid, From> Mul<Rotation<Mid, From>> for Rotation<To, Mid> {
+impl<To: Frame, Mid: Frame, From: Frame> Mul<Rotation<Mid, From>> for Rotation<To, Mid> {
     type Output = Rotation<To, From>;
     fn mul(self, rhs: Rotation<Mid, From>) -> Rotation<To, From> {
         Rotation::from_quaternion(self.quaternion * rhs.quaternion)
     }
 }
 
-impl<To, From> Mul<Direction<From>> for Rotation<To, From> {
+impl<To: Frame, From: Frame> Mul<Direction<From>> for Rotation<To, From> {
     type Output = Direction<To>;
     fn mul(self, rhs: Direction<From>) -> Direction<To> {
         Direction::from_coords(self.quaternion * rhs.coords)

@@ -1,6 +1,6 @@
 //! Rigid transforms between frames.
 
-use super::{Point, Rotation};
+use super::{Frame, Point, Rotation};
 use nalgebra::Vector3;
 use std::ops::Mul;
 
@@ -32,7 +32,7 @@ pub struct Transform<To, From> {
     pub origin: Point<To>,
 }
 
-impl<To, From> Transform<To, From> {
+impl<To: Frame, From: Frame> Transform<To, From> {
     /// The transform with this rotation, and with the origin of `From` at `origin`.
     #[must_use]
     pub const fn new(rotation: Rotation<To, From>, origin: Point<To>) -> Self {
@@ -63,7 +63,7 @@ impl<To, From> Transform<To, From> {
     }
 }
 
-impl<To, Mid, From> Mul<Transform<Mid, From>> for Transform<To, Mid> {
+impl<To: Frame, Mid: Frame, From: Frame> Mul<Transform<Mid, From>> for Transform<To, Mid> {
     type Output = Transform<To, From>;
     fn mul(self, rhs: Transform<Mid, From>) -> Transform<To, From> {
         let origin = self * rhs.origin;
@@ -71,7 +71,7 @@ impl<To, Mid, From> Mul<Transform<Mid, From>> for Transform<To, Mid> {
     }
 }
 
-impl<To, From> Mul<Point<From>> for Transform<To, From> {
+impl<To: Frame, From: Frame> Mul<Point<From>> for Transform<To, From> {
     type Output = Point<To>;
     fn mul(self, rhs: Point<From>) -> Point<To> {
         Point::from_coords(self.rotation.quaternion() * rhs.coords + self.origin.coords)
