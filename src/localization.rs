@@ -1,1 +1,19 @@
-//! Where the vehicle is.
+//! Where the vehicle is, from tags in camera frames and inertial samples.
+//!
+//! One frame of tags becomes a pose with a covariance ([`vision_fix`]); an error-state Kalman
+//! filter fuses it with the inertial samples ([`filter`]). Frames arrive late and out of order,
+//! so a ring keeps the last second of states and samples and propagates again from the frame's
+//! own time ([`ring`]). [`Localizer`] is the face of all this.
+//!
+//! Not done here: maps of the surface, decisions about the flight.
+
+pub mod camera_model;
+pub mod filter;
+pub mod marker_map;
+pub mod ring;
+pub mod vision_fix;
+
+mod localizer;
+mod planar_pose;
+
+pub use localizer::{Health, Localizer, Settings};
