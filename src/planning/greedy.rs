@@ -1,0 +1,114 @@
+//! The paper's planner: the feasible waypoint within a radius that leaves the smallest σ^V.
+//!
+//! ```text
+//! χ_{k+1} = argmin { σ^V after the scans on the way to χ : |χ − χ_k| ≤ R, χ ∈ C_free }
+//! ```
+//! Scans are predicted on a flat surface at the nominal height h0, without shadows, level, at
+//! fixed height and heading; the belief is the height grid's own update law.
+//!
+//! Source: Balula et al. 2023, section 5. Printed as arg max; minimising is meant. One step only:
+//! where no single step sees new ground it wanders.
+
+use super::free_space::{FreeSpace, Site};
+use super::{Settings, Waypoint};
+use crate::geometry::{Rotation, Transform};
+use crate::mapping::kalman_grid::KalmanGrid;
+use crate::mapping::projection::{LidarMount, project};
+use crate::messages::Beam;
+use nalgebra::Matrix6;
+use std::sync::Arc;
+
+/// The work of choosing one waypoint; a pure function of its fields.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ChooseWaypoint {
+    /// What is known of the surface when the step begins.
+    pub belief: KalmanGrid,
+    /// Waypoints that are decided but not yet flown, from the vehicle's place on.
+    pub pending: Vec<Waypoint>,
+    /// Where a fix is good enough.
+    pub free_space: Arc<FreeSpace>,
+    /// The LiDAR.
+    pub lidar: LidarMount,
+    /// Area of each cell that counts, m².
+    pub cell_areas_m2: Arc<[f64]>,
+    /// What the planning knows.
+    pub settings: Settings,
+}
+
+/// Scans are predicted this far apart along the way, m.
+const SCAN_SPACING_M: f64 = 0.5;
+/// Beams of a predicted scan are this far apart, rad.
+const BEAM_SPACING_RAD: f64 = 0.06;
+
+impl ChooseWaypoint {
+    /// The best next waypoint from the last pending one; `None` if nothing feasible is in reach.
+    #[must_use]
+    pub fn run(&self) -> Option<Waypoint> {
+        let from = *self.pending.last()?;
+        let mut belief = self.belief.clone();
+        for pair in self.pending.windows(2) {
+            self.observe_way(&mut belief, &pair[0], &pair[1]);
+        }
+        self.candidates(&from)
+            .map(|site| {
+                let mut after = belief.clone();
+                self.observe_way(&mut after, &from, &site.place);
+                (self.volume_var(&after), site.place)
+            })
+            .min_by(|a, b| a.0.total_cmp(&b.0))
+            .map(|(_, place)| place)
+    }
+
+    /// Feasible places within R, the present one left out.
+    fn candidates(&self, from: &Waypoint) -> impl Iterator<Item = &Site> {
+        let from = *from;
+        let radius_m = self.settings.step_radius_m + 1e-9;
+        let nearest_m = 0.5 * self.settings.candidate_spacing_m;
+        self.free_space.feasible().filter(move |site| {
+            let distance_m = (site.place - from).coords.norm();
+            (nearest_m..=radius_m).contains(&distance_m)
+        })
+    }
+
+    /// Σ A² σ² over the cells, the printed variance of the volume.
+    fn volume_var(&self, belief: &KalmanGrid) -> f64 {
+        std::iter::zip(self.cell_areas_m2.iter(), belief.var_m2())
+            .map(|(area, var)| area * area * var)
+            .sum()
+    }
+
+    /// Updates the belief by the scans from `a` (left out) to `b`.
+    fn observe_way(&self, belief: &mut KalmanGrid, a: &Waypoint, b: &Waypoint) {
+        let way_m = (*b - *a).coords.norm();
+        let n_scans = (way_m / SCAN_SPACING_M).ceil().max(1.0);
+        let fix_cov =
+            self.free_space.nearest(b).and_then(|site| site.fix_cov).unwrap_or_else(Matrix6::zeros);
+        let mut k = 1.0;
+        while k <= n_scans {
+            let place = Waypoint::from_coords(a.coords.lerp(&b.coords, k / n_scans));
+            self.observe_from(belief, &place, &fix_cov);
+            k += 1.0;
+        }
+    }
+
+    fn observe_from(&self, belief: &mut KalmanGrid, place: &Waypoint, fix_cov: &Matrix6<f64>) {
+        let pose =
+            Transform::new(Rotation::from_euler_rad(0.0, 0.0, self.settings.yaw_rad), *place);
+        let drop_m = place.coords.z - self.settings.nominal_height_m;
+        let mut angle_rad = -self.settings.swath_half_angle_rad;
+        while angle_rad <= self.settings.swath_half_angle_rad {
+            let range_m = drop_m / angle_rad.cos();
+            if range_m <= self.lidar.max_range_m {
+                #[expect(clippy::cast_possible_truncation, reason = "beams are single precision")]
+                let beam = Beam {
+                    offset_ns: 0,
+                    angle_rad: angle_rad as f32,
+                    range_m: range_m as f32,
+                    intensity: 0,
+                };
+                belief.insert(&project(&self.lidar, &beam, &pose, fix_cov));
+            }
+            angle_rad += BEAM_SPACING_RAD;
+        }
+    }
+}
