@@ -1,0 +1,508 @@
+//! The transition machine.
+
+use super::Phase;
+use super::guards::{Settings, preflight_fault};
+use crate::messages::{FlightMode, OperatorVerb, Severity, VehicleCommand, VehicleState};
+use crate::time::{Mono, Stamp};
+
+/// Everything a decision rests on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[expect(clippy::struct_excessive_bools, reason = "independent facts of one instant")]
+pub struct Inputs {
+    /// The instant of the decision.
+    pub now: Stamp<Mono>,
+    /// The autopilot's last word on mode and arming.
+    pub vehicle: Option<VehicleState>,
+    /// The autopilot has been silent for too long.
+    pub is_autopilot_lost: bool,
+    /// The own pose can be flown on.
+    pub has_position: bool,
+    /// Beams arrive.
+    pub has_lidar: bool,
+    /// State of charge, 0 to 1.
+    pub battery_ratio: Option<f64>,
+    /// There is somewhere to fly.
+    pub has_plan: bool,
+    /// All waypoints are flown.
+    pub is_plan_done: bool,
+    /// The end of the present trajectory is reached.
+    pub is_at_target: bool,
+}
+
+/// What a decision leads to.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Effect {
+    /// Ask something of the autopilot.
+    Command(VehicleCommand),
+    /// The phase changed.
+    Enter {
+        /// Before.
+        from: Phase,
+        /// After.
+        to: Phase,
+        /// Why, for a person.
+        reason: String,
+    },
+    /// Tell the people.
+    Say(Severity, String),
+    /// The vehicle is on the ground and disarmed after a flight.
+    Ended {
+        /// The survey ran to its end.
+        is_complete: bool,
+    },
+}
+
+/// Why a hold began, and so what may end it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum HoldCause {
+    Operator,
+    FixLost,
+    LidarLost,
+}
+
+/// The state of the mission.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Mission {
+    settings: Settings,
+    phase: Phase,
+    entered_at: Stamp<Mono>,
+    last_command: Option<(VehicleCommand, Stamp<Mono>)>,
+    hold_cause: HoldCause,
+    resume_to: Phase,
+    /// Since when what the hold waits for is back.
+    recovered_since: Option<Stamp<Mono>>,
+    is_complete: bool,
+}
+
+impl Mission {
+    /// A mission on the ground.
+    #[must_use]
+    pub fn new(settings: Settings) -> Self {
+        Self {
+            settings,
+            phase: Phase::Idle,
+            entered_at: Stamp::ZERO,
+            last_command: None,
+            hold_cause: HoldCause::Operator,
+            resume_to: Phase::Survey,
+            recovered_since: None,
+            is_complete: false,
+        }
+    }
+
+    /// Where the flight stands.
+    #[must_use]
+    pub const fn phase(&self) -> Phase {
+        self.phase
+    }
+
+    /// Takes a person's wish; true if it is done, under way, or was so already.
+    pub fn on_operator(
+        &mut self,
+        verb: OperatorVerb,
+        inputs: &Inputs,
+        effects: &mut Vec<Effect>,
+    ) -> bool {
+        use Phase::{Abort, Hold, Idle, Land, Preflight, Return, Survey, TakeOff};
+        let wanted = match (verb, self.phase) {
+            (OperatorVerb::Start, Idle) => Preflight,
+            (OperatorVerb::Start, Preflight | TakeOff | Survey)
+            | (OperatorVerb::Resume, Survey) => {
+                return true;
+            }
+            (OperatorVerb::Hold, TakeOff | Survey | Return) => {
+                self.resume_to = self.phase;
+                Hold
+            }
+            (OperatorVerb::Hold, Hold) => {
+                // The person's wish outlives the fault that began the hold.
+                self.hold_cause = HoldCause::Operator;
+                return true;
+            }
+            (OperatorVerb::Resume, Hold) if inputs.has_position => self.resume_to,
+            (OperatorVerb::Return, TakeOff | Survey | Hold) if inputs.has_position => Return,
+            (OperatorVerb::Return, Return | Land) | (OperatorVerb::Land, Land) => return true,
+            (OperatorVerb::Land, TakeOff | Survey | Return | Hold) => Land,
+            (_, Idle | Preflight | TakeOff | Survey | Return | Land | Hold | Abort) => {
+                return false;
+            }
+        };
+        if wanted == Hold {
+            self.hold_cause = HoldCause::Operator;
+        }
+        self.enter(wanted, "operator", inputs.now, effects);
+        true
+    }
+
+    /// Looks at the facts and goes on if they ask for it.
+    pub fn step(&mut self, inputs: &Inputs, effects: &mut Vec<Effect>) {
+        if self.yields_to_others(inputs, effects) {
+            return;
+        }
+        match self.phase {
+            Phase::Idle => {}
+            Phase::Preflight => self.step_preflight(inputs, effects),
+            Phase::TakeOff => self.step_take_off(inputs, effects),
+            Phase::Survey => self.step_survey(inputs, effects),
+            Phase::Return => self.step_return(inputs, effects),
+            Phase::Hold => self.step_hold(inputs, effects),
+            Phase::Land => self.step_land(inputs, effects),
+            Phase::Abort => self.step_abort(inputs, effects),
+        }
+    }
+
+    /// Somebody else took the vehicle: let go at once. True if so.
+    fn yields_to_others(&mut self, inputs: &Inputs, effects: &mut Vec<Effect>) -> bool {
+        let Some(vehicle) = inputs.vehicle else { return false };
+        let is_flown_by_us =
+            matches!(self.phase, Phase::TakeOff | Phase::Survey | Phase::Return | Phase::Hold);
+        if is_flown_by_us && !vehicle.is_armed {
+            self.enter(Phase::Abort, "disarmed by somebody else", inputs.now, effects);
+            return true;
+        }
+        let is_ours = match vehicle.mode {
+            FlightMode::Companion => true,
+            FlightMode::Land => self.phase == Phase::Land,
+            _ => false,
+        };
+        let is_landing_under_pilot =
+            self.phase == Phase::Land && vehicle.is_armed && vehicle.mode == FlightMode::Pilot;
+        if (is_flown_by_us && !is_ours) || is_landing_under_pilot {
+            let reason = format!("mode changed to {:?}", vehicle.mode);
+            self.enter(Phase::Abort, &reason, inputs.now, effects);
+            return true;
+        }
+        false
+    }
+
+    fn step_preflight(&mut self, inputs: &Inputs, effects: &mut Vec<Effect>) {
+        let waited = inputs.now.since(self.entered_at);
+        let vehicle_mode = inputs.vehicle.map(|v| v.mode);
+        let is_armed = inputs.vehicle.is_some_and(|v| v.is_armed);
+        if is_armed && self.last_command.is_some_and(|(c, _)| c == VehicleCommand::Arm) {
+            self.enter(Phase::TakeOff, "armed", inputs.now, effects);
+            return;
+        }
+        let fault = preflight_fault(inputs, &self.settings);
+        if waited > self.settings.preflight_timeout {
+            let reason = fault.map_or_else(
+                || "the autopilot refuses to arm".to_owned(),
+                |fault| fault.to_string(),
+            );
+            effects.push(Effect::Say(Severity::Error, format!("no take-off: {reason}")));
+            self.enter(Phase::Idle, &reason, inputs.now, effects);
+            return;
+        }
+        if fault.is_some() || waited < self.settings.stream_before_mode {
+            return;
+        }
+        let command = match vehicle_mode {
+            Some(FlightMode::Companion) => VehicleCommand::Arm,
+            _ => VehicleCommand::EnterCompanionMode,
+        };
+        self.ask(command, inputs.now, effects);
+    }
+
+    fn step_take_off(&mut self, inputs: &Inputs, effects: &mut Vec<Effect>) {
+        if self.holds_without_position(inputs, effects) || self.lands_on_battery(inputs, effects) {
+            return;
+        }
+        if inputs.is_at_target {
+            self.enter(Phase::Survey, "at height", inputs.now, effects);
+        } else if inputs.now.since(self.entered_at) > self.settings.take_off_timeout {
+            effects.push(Effect::Say(Severity::Error, "take-off takes too long".to_owned()));
+            self.enter(Phase::Land, "take-off timed out", inputs.now, effects);
+        }
+    }
+
+    fn step_survey(&mut self, inputs: &Inputs, effects: &mut Vec<Effect>) {
+        if self.holds_without_position(inputs, effects)
+            || self.lands_on_battery(inputs, effects)
+            || self.returns_on_battery(inputs, effects)
+        {
+            return;
+        }
+        if !inputs.has_lidar {
+            self.resume_to = Phase::Survey;
+            self.hold_cause = HoldCause::LidarLost;
+            effects.push(Effect::Say(Severity::Warning, "LiDAR silent: holding".to_owned()));
+            self.enter(Phase::Hold, "LiDAR lost", inputs.now, effects);
+        } else if inputs.is_plan_done {
+            self.is_complete = true;
+            self.enter(Phase::Return, "survey done", inputs.now, effects);
+        }
+    }
+
+    fn step_return(&mut self, inputs: &Inputs, effects: &mut Vec<Effect>) {
+        if self.holds_without_position(inputs, effects) || self.lands_on_battery(inputs, effects) {
+            return;
+        }
+        if inputs.is_at_target {
+            self.enter(Phase::Land, "over the pad", inputs.now, effects);
+        }
+    }
+
+    fn step_hold(&mut self, inputs: &Inputs, effects: &mut Vec<Effect>) {
+        let waited = inputs.now.since(self.entered_at);
+        if self.lands_on_battery(inputs, effects) {
+            return;
+        }
+        if !inputs.has_position {
+            self.recovered_since = None;
+            if waited > self.settings.land_after_fix_lost {
+                effects.push(Effect::Say(Severity::Critical, "position lost: landing".to_owned()));
+                self.enter(Phase::Land, "position lost", inputs.now, effects);
+            }
+            return;
+        }
+        if self.returns_on_battery(inputs, effects) {
+            return;
+        }
+        let is_recovered = match self.hold_cause {
+            HoldCause::Operator => false,
+            HoldCause::FixLost => true,
+            HoldCause::LidarLost => inputs.has_lidar,
+        };
+        if is_recovered {
+            let since = *self.recovered_since.get_or_insert(inputs.now);
+            if inputs.now.since(since) >= self.settings.recovered_after {
+                self.enter(self.resume_to, "recovered", inputs.now, effects);
+            }
+        } else {
+            self.recovered_since = None;
+            let is_lidar_gone = self.hold_cause == HoldCause::LidarLost;
+            if is_lidar_gone && waited > self.settings.return_after_lidar_lost {
+                self.enter(Phase::Return, "LiDAR does not come back", inputs.now, effects);
+            }
+        }
+    }
+
+    fn step_land(&mut self, inputs: &Inputs, effects: &mut Vec<Effect>) {
+        let Some(vehicle) = inputs.vehicle else { return };
+        if !vehicle.is_armed {
+            self.enter(Phase::Idle, "landed", inputs.now, effects);
+            effects.push(Effect::Ended { is_complete: self.is_complete });
+        } else if vehicle.mode == FlightMode::Companion {
+            self.ask(VehicleCommand::EnterLand, inputs.now, effects);
+        }
+    }
+
+    fn step_abort(&mut self, inputs: &Inputs, effects: &mut Vec<Effect>) {
+        if inputs.vehicle.is_some_and(|vehicle| !vehicle.is_armed) {
+            self.enter(Phase::Idle, "disarmed", inputs.now, effects);
+            effects.push(Effect::Ended { is_complete: false });
+        }
+    }
+
+    fn holds_without_position(&mut self, inputs: &Inputs, effects: &mut Vec<Effect>) -> bool {
+        if inputs.has_position {
+            return false;
+        }
+        self.resume_to = self.phase;
+        self.hold_cause = HoldCause::FixLost;
+        effects.push(Effect::Say(Severity::Warning, "markers lost: holding".to_owned()));
+        self.enter(Phase::Hold, "position lost", inputs.now, effects);
+        true
+    }
+
+    fn returns_on_battery(&mut self, inputs: &Inputs, effects: &mut Vec<Effect>) -> bool {
+        let is_low =
+            inputs.battery_ratio.is_some_and(|ratio| ratio < self.settings.return_battery_ratio);
+        if is_low {
+            effects.push(Effect::Say(Severity::Warning, "battery low: returning".to_owned()));
+            self.enter(Phase::Return, "battery low", inputs.now, effects);
+        }
+        is_low
+    }
+
+    fn lands_on_battery(&mut self, inputs: &Inputs, effects: &mut Vec<Effect>) -> bool {
+        let is_empty =
+            inputs.battery_ratio.is_some_and(|ratio| ratio < self.settings.land_battery_ratio);
+        if is_empty {
+            effects.push(Effect::Say(Severity::Critical, "battery empty: landing".to_owned()));
+            self.enter(Phase::Land, "battery empty", inputs.now, effects);
+        }
+        is_empty
+    }
+
+    /// Asks, and asks again at the configured pace as long as this is called.
+    fn ask(&mut self, command: VehicleCommand, now: Stamp<Mono>, effects: &mut Vec<Effect>) {
+        let is_due = self.last_command.is_none_or(|(last, at)| {
+            last != command || now.since(at) >= self.settings.command_retry
+        });
+        if is_due {
+            self.last_command = Some((command, now));
+            effects.push(Effect::Command(command));
+        }
+    }
+
+    fn enter(&mut self, to: Phase, reason: &str, now: Stamp<Mono>, effects: &mut Vec<Effect>) {
+        let from = self.phase;
+        self.phase = to;
+        self.entered_at = now;
+        self.last_command = None;
+        self.recovered_since = None;
+        if to == Phase::Preflight {
+            self.is_complete = false;
+        }
+        effects.push(Effect::Enter { from, to, reason: reason.to_owned() });
+        if to == Phase::Land {
+            self.ask(VehicleCommand::EnterLand, now, effects);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::messages::LandedState;
+    use std::time::Duration;
+
+    fn inputs(seconds: f64) -> Inputs {
+        Inputs {
+            now: Stamp::ZERO.plus(Duration::from_secs_f64(seconds)),
+            vehicle: Some(vehicle(false, FlightMode::Hold, LandedState::OnGround)),
+            is_autopilot_lost: false,
+            has_position: true,
+            has_lidar: true,
+            battery_ratio: Some(0.9),
+            has_plan: true,
+            is_plan_done: false,
+            is_at_target: false,
+        }
+    }
+
+    fn vehicle(is_armed: bool, mode: FlightMode, landed: LandedState) -> VehicleState {
+        VehicleState { at: Stamp::ZERO, is_armed, mode, landed, in_failsafe: false }
+    }
+
+    fn flying(seconds: f64) -> Inputs {
+        Inputs {
+            vehicle: Some(vehicle(true, FlightMode::Companion, LandedState::InAir)),
+            ..inputs(seconds)
+        }
+    }
+
+    /// A mission that is in the survey at 10 s.
+    fn surveying() -> Mission {
+        let mut mission = Mission::new(Settings::default());
+        let mut effects = Vec::new();
+        assert!(mission.on_operator(OperatorVerb::Start, &inputs(0.0), &mut effects));
+        mission.step(&inputs(2.0), &mut effects);
+        assert!(effects.contains(&Effect::Command(VehicleCommand::EnterCompanionMode)));
+        let mut ready = inputs(4.0);
+        ready.vehicle = Some(vehicle(false, FlightMode::Companion, LandedState::OnGround));
+        mission.step(&ready, &mut effects);
+        assert!(effects.contains(&Effect::Command(VehicleCommand::Arm)));
+        mission.step(&flying(5.0), &mut effects);
+        assert_eq!(mission.phase(), Phase::TakeOff);
+        mission.step(&Inputs { is_at_target: true, ..flying(10.0) }, &mut effects);
+        assert_eq!(mission.phase(), Phase::Survey);
+        mission
+    }
+
+    #[test]
+    fn a_whole_flight_ends_complete_and_idle() {
+        let mut mission = surveying();
+        let mut effects = Vec::new();
+        mission.step(&Inputs { is_plan_done: true, ..flying(60.0) }, &mut effects);
+        assert_eq!(mission.phase(), Phase::Return);
+        mission.step(&Inputs { is_at_target: true, ..flying(70.0) }, &mut effects);
+        assert_eq!(mission.phase(), Phase::Land);
+        assert!(effects.contains(&Effect::Command(VehicleCommand::EnterLand)));
+        let mut down = inputs(80.0);
+        down.vehicle = Some(vehicle(false, FlightMode::Land, LandedState::OnGround));
+        mission.step(&down, &mut effects);
+        assert_eq!(mission.phase(), Phase::Idle);
+        assert_eq!(effects.last(), Some(&Effect::Ended { is_complete: true }));
+    }
+
+    #[test]
+    fn the_pilots_mode_switch_ends_control_in_one_step_and_for_good() {
+        for verb in [None, Some(OperatorVerb::Hold)] {
+            let mut mission = surveying();
+            let mut effects = Vec::new();
+            if let Some(verb) = verb {
+                mission.on_operator(verb, &flying(11.0), &mut effects);
+            }
+            effects.clear();
+            let mut taken = flying(12.0);
+            taken.vehicle = Some(vehicle(true, FlightMode::Pilot, LandedState::InAir));
+            mission.step(&taken, &mut effects);
+            assert_eq!(mission.phase(), Phase::Abort);
+            assert!(!mission.phase().is_steering());
+            // Even if the mode comes back by itself, nothing is commanded.
+            effects.clear();
+            for second in 13..40 {
+                mission.step(&flying(f64::from(second)), &mut effects);
+            }
+            assert!(effects.is_empty(), "{effects:?}");
+            assert!(!mission.on_operator(OperatorVerb::Resume, &flying(41.0), &mut effects));
+        }
+    }
+
+    #[test]
+    fn a_lost_fix_holds_then_lands() {
+        let mut mission = surveying();
+        let mut effects = Vec::new();
+        mission.step(&Inputs { has_position: false, ..flying(20.0) }, &mut effects);
+        assert_eq!(mission.phase(), Phase::Hold);
+        mission.step(&Inputs { has_position: false, ..flying(24.9) }, &mut effects);
+        assert_eq!(mission.phase(), Phase::Hold);
+        mission.step(&Inputs { has_position: false, ..flying(25.1) }, &mut effects);
+        assert_eq!(mission.phase(), Phase::Land);
+        assert_eq!(effects.last(), Some(&Effect::Command(VehicleCommand::EnterLand)));
+    }
+
+    #[test]
+    fn a_fix_that_comes_back_goes_on_with_the_survey() {
+        let mut mission = surveying();
+        let mut effects = Vec::new();
+        mission.step(&Inputs { has_position: false, ..flying(20.0) }, &mut effects);
+        mission.step(&flying(21.0), &mut effects);
+        assert_eq!(mission.phase(), Phase::Hold, "one good moment is not a recovery");
+        mission.step(&flying(22.1), &mut effects);
+        assert_eq!(mission.phase(), Phase::Survey);
+    }
+
+    #[test]
+    fn low_battery_returns_and_empty_battery_lands() {
+        let mut mission = surveying();
+        let mut effects = Vec::new();
+        mission.step(&Inputs { battery_ratio: Some(0.2), ..flying(20.0) }, &mut effects);
+        assert_eq!(mission.phase(), Phase::Return);
+        mission.step(&Inputs { battery_ratio: Some(0.1), ..flying(25.0) }, &mut effects);
+        assert_eq!(mission.phase(), Phase::Land);
+    }
+
+    #[test]
+    fn preflight_names_what_is_missing_and_gives_up() {
+        let mut mission = Mission::new(Settings::default());
+        let mut effects = Vec::new();
+        mission.on_operator(OperatorVerb::Start, &inputs(0.0), &mut effects);
+        let blind = |seconds| Inputs { has_position: false, ..inputs(seconds) };
+        mission.step(&blind(10.0), &mut effects);
+        assert!(!effects.iter().any(|e| matches!(e, Effect::Command(_))));
+        mission.step(&blind(61.0), &mut effects);
+        assert_eq!(mission.phase(), Phase::Idle);
+        let said = effects
+            .iter()
+            .any(|e| matches!(e, Effect::Say(Severity::Error, text) if text.contains("markers")));
+        assert!(said, "{effects:?}");
+    }
+
+    #[test]
+    fn wishes_are_idempotent_and_senseless_ones_refused() {
+        let mut mission = surveying();
+        let mut effects = Vec::new();
+        assert!(mission.on_operator(OperatorVerb::Start, &flying(11.0), &mut effects));
+        assert!(effects.is_empty());
+        assert!(mission.on_operator(OperatorVerb::Hold, &flying(12.0), &mut effects));
+        assert!(mission.on_operator(OperatorVerb::Hold, &flying(13.0), &mut effects));
+        assert_eq!(effects.len(), 1);
+        assert!(mission.on_operator(OperatorVerb::Resume, &flying(14.0), &mut effects));
+        assert_eq!(mission.phase(), Phase::Survey);
+        let mut idle = Mission::new(Settings::default());
+        assert!(!idle.on_operator(OperatorVerb::Land, &inputs(0.0), &mut effects));
+    }
+}
