@@ -1,31 +1,460 @@
 //! The brain: wires localisation, mapping, planning and mission, and owns their state.
 //!
-//! It does no I/O and never asks for the time: one [`Event`] goes in, [`Action`]s come out.
+//! It does no I/O and never asks for the time: one [`Event`] goes in, [`Action`]s come out. The
+//! same events give the same actions, bit for bit, behind real sensors, in the simulator and in
+//! a replay.
+//!
+//! ```text
+//! Imu, TagsSeen ─▶ localizer ─ pose ─▶ mapper ◀─ Scanned
+//!                      │                 │ snapshot ─▶ Start(SolveSurface) ┄▶ Finished ─▶ volume
+//! Vehicle, Battery, Operator ─▶ mission ─ phase ─▶ route ─▶ Steer
+//! ```
 
 mod event;
 mod job;
+mod route;
 
 pub use event::{Action, Event, FlightSummary, JobId, PhaseChange, VolumeReport};
 pub use job::{Job, JobOutput};
+
+use crate::localization::{self, Health, Localizer};
+use crate::mapping::{self, Mapper, SolvedSurface};
+use crate::messages::{
+    BatterySample, OperatorAnswer, OperatorCommand, Scan, Severity, StatusText, VehicleState,
+    VolumeEstimate,
+};
+use crate::mission::{self, Effect, Inputs, Mission, Phase};
+use crate::planning;
+use crate::planning::Waypoint;
+use crate::planning::free_space::FreeSpace;
+use crate::time::{Mono, Stamp};
+use nalgebra::Vector3;
+use route::Route;
+use std::collections::VecDeque;
+use std::time::Duration;
 
 /// How often the brain wants [`Event::Ticked`], Hz. Odd ticks steer, even ones publish odometry.
 pub const TICK_RATE_HZ: u32 = 60;
 
 /// What the brain needs to know before a flight.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Settings {}
+pub struct Settings {
+    /// Cameras, markers, filter.
+    pub localization: localization::Settings,
+    /// Region, LiDAR, surface.
+    pub mapping: mapping::Settings,
+    /// Planner, height, limits.
+    pub planning: planning::Settings,
+    /// Times and levels of the mission.
+    pub mission: mission::Settings,
+    /// The surface is solved this often in flight.
+    pub solve_interval: Duration,
+    /// The volume is reported this often.
+    pub report_interval: Duration,
+}
+
+/// Without a beam for this long the LiDAR counts as silent.
+const LIDAR_SILENT_AFTER: Duration = Duration::from_secs(2);
+/// Scans wait at most this long for the pose at their end.
+const SCAN_PATIENCE: Duration = Duration::from_millis(300);
+/// The end of a trajectory counts as reached within this distance, m.
+const AT_TARGET_M: f64 = 0.3;
 
 /// The brain.
 #[derive(Debug)]
-pub struct Pilot {}
+pub struct Pilot {
+    settings: Settings,
+    localizer: Localizer,
+    mapper: Mapper,
+    mission: Mission,
+    route: Route,
+    now: Stamp<Mono>,
+    n_ticks: u64,
+    vehicle: Option<VehicleState>,
+    is_autopilot_lost: bool,
+    battery: Option<BatterySample>,
+    last_beam_at: Option<Stamp<Mono>>,
+    /// Scans whose end the filter has not reached yet.
+    waiting_scans: VecDeque<Scan>,
+    jobs: Jobs,
+    volume: Option<VolumeEstimate>,
+    last_report_at: Stamp<Mono>,
+    /// Where the flight began; the return leads here.
+    home: Option<Waypoint>,
+    flown: FlownPath,
+    /// Landed, waiting for the last solve: whether the survey was complete.
+    ending: Option<bool>,
+}
+
+/// Work that is under way.
+#[derive(Debug, Default)]
+struct Jobs {
+    next_id: u64,
+    solve: Option<JobId>,
+    last_solve_at: Stamp<Mono>,
+    choice: Option<JobId>,
+    /// The solve under way is the one after landing.
+    is_final_solve: bool,
+}
+
+/// Length of the commanded path, m.
+#[derive(Debug, Default)]
+struct FlownPath {
+    length_m: f64,
+    last: Option<Vector3<f64>>,
+}
 
 impl Pilot {
     /// A brain on the ground, at rest.
     #[must_use]
-    pub fn new(_settings: Settings) -> Self {
-        Self {}
+    pub fn new(settings: Settings) -> Self {
+        let localizer = Localizer::new(settings.localization.clone());
+        let free_space = FreeSpace::evaluate(
+            &settings.planning,
+            &settings.localization.cameras,
+            &settings.localization.marker_map,
+            settings.localization.vision.corner_sigma_px,
+        );
+        Self {
+            localizer,
+            mapper: Mapper::new(settings.mapping.clone()),
+            mission: Mission::new(settings.mission),
+            route: Route::new(settings.planning.clone(), free_space),
+            settings,
+            now: Stamp::ZERO,
+            n_ticks: 0,
+            vehicle: None,
+            is_autopilot_lost: false,
+            battery: None,
+            last_beam_at: None,
+            waiting_scans: VecDeque::new(),
+            jobs: Jobs::default(),
+            volume: None,
+            last_report_at: Stamp::ZERO,
+            home: None,
+            flown: FlownPath::default(),
+            ending: None,
+        }
     }
 
     /// Takes in one event and appends what is to be done, in order, to `actions`.
-    pub fn step(&mut self, _event: Event, _actions: &mut Vec<Action>) {}
+    pub fn step(&mut self, event: Event, actions: &mut Vec<Action>) {
+        match event {
+            Event::Ticked(now) => self.on_tick(now, actions),
+            Event::Imu(imu) => {
+                self.localizer.on_imu(imu);
+                self.map_waiting_scans();
+            }
+            Event::Scanned(scan) => {
+                self.last_beam_at = self.last_beam_at.max(Some(scan.end()));
+                self.waiting_scans.push_back(scan);
+                self.map_waiting_scans();
+            }
+            Event::TagsSeen(frame) => {
+                let record = self.localizer.on_tags(&frame);
+                actions.push(Action::FixTreated(Box::new(record)));
+            }
+            Event::Vehicle(vehicle) => {
+                self.vehicle = Some(vehicle);
+                self.is_autopilot_lost = false;
+                // The pilot's switch must not wait for the next tick.
+                self.run_mission(actions);
+            }
+            Event::Battery(battery) => self.battery = Some(battery),
+            // Kept in the log; the mission rests on the companion's own estimate.
+            Event::AutopilotPose(_) => {}
+            Event::CommandAnswered(outcome) => {
+                if !outcome.is_accepted {
+                    let text = format!("autopilot refused {:?}", outcome.command);
+                    say(actions, Severity::Warning, text);
+                }
+            }
+            Event::Operator(command) => self.on_operator(command, actions),
+            Event::AutopilotLost(_) => {
+                if !self.is_autopilot_lost {
+                    say(actions, Severity::Error, "no heartbeat of the autopilot".to_owned());
+                }
+                self.is_autopilot_lost = true;
+            }
+            Event::Finished { id, output, .. } => self.on_finished(id, *output, actions),
+        }
+    }
+
+    /// Where the flight stands.
+    #[must_use]
+    pub const fn phase(&self) -> Phase {
+        self.mission.phase()
+    }
+
+    /// The localisation, for displays and judges.
+    #[must_use]
+    pub const fn localizer(&self) -> &Localizer {
+        &self.localizer
+    }
+
+    fn on_tick(&mut self, now: Stamp<Mono>, actions: &mut Vec<Action>) {
+        self.now = now;
+        self.n_ticks += 1;
+        self.map_waiting_scans();
+        self.run_mission(actions);
+        if self.mission.phase() == Phase::Survey {
+            self.route.survey(now);
+            self.choose_if_due(actions);
+        }
+        if self.n_ticks % 2 == 1 {
+            self.steer(actions);
+        } else {
+            self.publish_odometry(actions);
+        }
+        self.solve_if_due(actions);
+        if now.since(self.last_report_at) >= self.settings.report_interval {
+            self.last_report_at = now;
+            self.report(false, actions);
+        }
+    }
+
+    fn on_operator(&mut self, command: OperatorCommand, actions: &mut Vec<Action>) {
+        let mut effects = Vec::new();
+        let inputs = self.mission_inputs();
+        let is_accepted = self.mission.on_operator(command.verb, &inputs, &mut effects);
+        self.apply(effects, actions);
+        actions.push(Action::Answer(OperatorAnswer {
+            verb: command.verb,
+            to: command.from,
+            is_accepted,
+        }));
+    }
+
+    fn run_mission(&mut self, actions: &mut Vec<Action>) {
+        let mut effects = Vec::new();
+        let inputs = self.mission_inputs();
+        self.mission.step(&inputs, &mut effects);
+        self.apply(effects, actions);
+    }
+
+    fn mission_inputs(&self) -> Inputs {
+        Inputs {
+            now: self.now,
+            vehicle: self.vehicle,
+            is_autopilot_lost: self.is_autopilot_lost,
+            has_position: self.localizer.health(self.now) == Health::Good,
+            has_lidar: self.last_beam_at.is_some_and(|at| self.now.since(at) < LIDAR_SILENT_AFTER),
+            battery_ratio: self.battery.map(|battery| battery.remaining_ratio),
+            has_plan: self.route.has_plan(),
+            is_plan_done: self.route.is_done(),
+            is_at_target: self.is_at_target(),
+        }
+    }
+
+    fn is_at_target(&self) -> bool {
+        let (Some(segment), Some(estimate)) = (self.route.segment(), self.localizer.estimate())
+        else {
+            return false;
+        };
+        let miss_m = (estimate.hall_from_body.origin.coords - segment.end().position).norm();
+        segment.is_over(self.now) && miss_m < AT_TARGET_M
+    }
+
+    fn apply(&mut self, effects: Vec<Effect>, actions: &mut Vec<Action>) {
+        for effect in effects {
+            match effect {
+                Effect::Command(command) => actions.push(Action::Command(command)),
+                Effect::Say(severity, text) => say(actions, severity, text),
+                Effect::Enter { from, to, reason } => {
+                    self.enter(to);
+                    let change = PhaseChange { at: self.now, from, to, reason };
+                    actions.push(Action::PhaseChanged(change));
+                }
+                Effect::Ended { is_complete } => {
+                    self.ending = Some(is_complete);
+                    self.start_solve(true, actions);
+                }
+            }
+        }
+    }
+
+    /// Turns the trajectory to what the new phase is for.
+    fn enter(&mut self, phase: Phase) {
+        let here = self.localizer.estimate().map(|estimate| estimate.hall_from_body.origin);
+        match phase {
+            Phase::Preflight => {
+                self.route.restart();
+                self.flown = FlownPath::default();
+                self.home = here;
+                if let Some(place) = here {
+                    self.route.stand(&place.coords, self.now);
+                }
+            }
+            Phase::TakeOff => {
+                // The pose has settled since the preflight began; fly from where it is now.
+                if let Some(place) = here {
+                    self.home = Some(place);
+                    self.route.stand(&place.coords, self.now);
+                    self.route.go_to(&self.above(&place), self.now);
+                }
+            }
+            Phase::Return => {
+                if let Some(home) = self.home {
+                    self.route.go_to(&self.above(&home), self.now);
+                }
+            }
+            Phase::Hold => self.route.brake(self.now),
+            Phase::Idle | Phase::Land | Phase::Abort => self.route.let_go(),
+            Phase::Survey => {}
+        }
+    }
+
+    /// The place over `place` at the height of the flight.
+    fn above(&self, place: &Waypoint) -> Vector3<f64> {
+        Vector3::new(place.coords.x, place.coords.y, self.route.settings().height_m)
+    }
+
+    fn steer(&mut self, actions: &mut Vec<Action>) {
+        if !self.mission.phase().is_steering() {
+            return;
+        }
+        if self.route.segment().is_none()
+            && let Some(estimate) = self.localizer.estimate()
+        {
+            self.route.stand(&estimate.hall_from_body.origin.coords, self.now);
+        }
+        let yaw_rad = self.route.settings().yaw_rad;
+        let Some(setpoint) = self.route.segment().map(|s| s.setpoint_at(self.now, yaw_rad)) else {
+            return;
+        };
+        if setpoint.is_finite() {
+            self.flown.go_on(&setpoint.position.coords);
+            actions.push(Action::Steer(setpoint));
+        }
+    }
+
+    fn publish_odometry(&self, actions: &mut Vec<Action>) {
+        if self.localizer.health(self.now) != Health::Good {
+            return;
+        }
+        if let Some(estimate) = self.localizer.estimate() {
+            actions.push(Action::PublishOdometry(Box::new(estimate)));
+        }
+    }
+
+    /// Maps the scans whose poses are known, and those for which no pose will come.
+    fn map_waiting_scans(&mut self) {
+        while let Some(scan) = self.waiting_scans.front() {
+            let end = scan.end();
+            let is_covered = self.localizer.newest_at().is_some_and(|newest| newest >= end);
+            if !is_covered && self.now.since(end) <= SCAN_PATIENCE {
+                break;
+            }
+            if let Some(scan) = self.waiting_scans.pop_front() {
+                self.mapper.insert(&scan, |at| self.localizer.pose_at(at));
+            }
+        }
+    }
+
+    fn solve_if_due(&mut self, actions: &mut Vec<Action>) {
+        let is_measuring =
+            matches!(self.mission.phase(), Phase::Survey | Phase::Return | Phase::Hold);
+        let is_due = self.now.since(self.jobs.last_solve_at) >= self.settings.solve_interval;
+        if is_measuring && is_due && self.jobs.solve.is_none() {
+            self.start_solve(false, actions);
+        }
+    }
+
+    fn start_solve(&mut self, is_final: bool, actions: &mut Vec<Action>) {
+        let id = self.new_job_id();
+        self.jobs.solve = Some(id);
+        self.jobs.last_solve_at = self.now;
+        self.jobs.is_final_solve = is_final;
+        let job = Job::SolveSurface(self.mapper.snapshot(self.now, is_final));
+        actions.push(Action::Start { id, job: Box::new(job) });
+    }
+
+    fn choose_if_due(&mut self, actions: &mut Vec<Action>) {
+        if self.jobs.choice.is_some() {
+            return;
+        }
+        let Some(knot) = self.route.knot_at(self.now) else { return };
+        let from = Waypoint::from_coords(knot.position);
+        let lidar = &self.settings.mapping.lidar;
+        if let Some(choice) = self.route.choice_due(&from, &self.mapper, lidar) {
+            let id = self.new_job_id();
+            self.jobs.choice = Some(id);
+            actions.push(Action::Start { id, job: Box::new(Job::ChooseWaypoint(choice)) });
+        }
+    }
+
+    fn new_job_id(&mut self) -> JobId {
+        let id = JobId(self.jobs.next_id);
+        self.jobs.next_id += 1;
+        id
+    }
+
+    fn on_finished(&mut self, id: JobId, output: JobOutput, actions: &mut Vec<Action>) {
+        match output {
+            JobOutput::WaypointChosen(chosen) if self.jobs.choice == Some(id) => {
+                self.jobs.choice = None;
+                self.route.on_choice(chosen, self.now);
+            }
+            JobOutput::SurfaceSolved(solved) if self.jobs.solve == Some(id) => {
+                self.jobs.solve = None;
+                self.on_solved(solved, actions);
+            }
+            // A job that a later one has replaced.
+            JobOutput::WaypointChosen(_) | JobOutput::SurfaceSolved(_) => {}
+        }
+    }
+
+    fn on_solved(
+        &mut self,
+        solved: Result<SolvedSurface, mapping::sparse_gp::GpError>,
+        actions: &mut Vec<Action>,
+    ) {
+        match solved {
+            Ok(solved) => {
+                self.volume = Some(solved.volume);
+                actions.push(Action::SurfaceSolved(Box::new(solved.surface)));
+            }
+            Err(error) => say(actions, Severity::Error, format!("no surface: {error}")),
+        }
+        if !self.jobs.is_final_solve {
+            return;
+        }
+        if let (Some(is_complete), Some(volume)) = (self.ending.take(), self.volume) {
+            self.report(true, actions);
+            actions.push(Action::Ended(Box::new(FlightSummary {
+                at: self.now,
+                volume,
+                hits: self.mapper.counts(),
+                steps_done: self.route.steps_done(),
+                path_length_m: self.flown.length_m,
+                is_complete,
+            })));
+        }
+    }
+
+    fn report(&self, is_final: bool, actions: &mut Vec<Action>) {
+        let Some(estimate) = self.volume else { return };
+        actions.push(Action::ReportVolume(VolumeReport {
+            estimate,
+            hits: self.mapper.counts(),
+            phase: self.mission.phase(),
+            steps_done: self.route.steps_done(),
+            battery_ratio: self.battery.map(|battery| battery.remaining_ratio),
+            position_sigma_m: self.localizer.position_sigma_m(),
+            is_final,
+        }));
+    }
+}
+
+impl FlownPath {
+    fn go_on(&mut self, place: &Vector3<f64>) {
+        if let Some(last) = self.last {
+            self.length_m += (place - last).norm();
+        }
+        self.last = Some(*place);
+    }
+}
+
+fn say(actions: &mut Vec<Action>, severity: Severity, text: String) {
+    actions.push(Action::Say(StatusText { severity, text }));
 }

@@ -104,6 +104,11 @@ impl<C> Clone for Stamp<C> {
     }
 }
 impl<C> Copy for Stamp<C> {}
+impl<C> Default for Stamp<C> {
+    fn default() -> Self {
+        Self::ZERO
+    }
+}
 impl<C> PartialEq for Stamp<C> {
     fn eq(&self, other: &Self) -> bool {
         self.nanos == other.nanos

@@ -1,17 +1,35 @@
 //! Long work that runs beside the brain and returns at a recorded place in the event order.
 
+use crate::mapping::sparse_gp::GpError;
+use crate::mapping::{SolveSurface, SolvedSurface};
+use crate::planning::Waypoint;
+use crate::planning::greedy::ChooseWaypoint;
+
 /// Long work: a pure function of what it holds.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Job {}
+pub enum Job {
+    /// Turn the cells into a surface and a volume.
+    SolveSurface(SolveSurface),
+    /// Choose the next waypoint.
+    ChooseWaypoint(ChooseWaypoint),
+}
 
 /// What a [`Job`] found.
 #[derive(Debug, Clone, PartialEq)]
-pub enum JobOutput {}
+pub enum JobOutput {
+    /// The surface and its volume.
+    SurfaceSolved(Result<SolvedSurface, GpError>),
+    /// The next waypoint; `None` if nothing feasible is in reach.
+    WaypointChosen(Option<Waypoint>),
+}
 
 impl Job {
     /// Does the work. The same job gives the same bits on the same build.
     #[must_use]
     pub fn run(&self) -> JobOutput {
-        match *self {}
+        match self {
+            Self::SolveSurface(work) => JobOutput::SurfaceSolved(work.run()),
+            Self::ChooseWaypoint(work) => JobOutput::WaypointChosen(work.run()),
+        }
     }
 }
