@@ -3,6 +3,8 @@
 mod act;
 mod receive;
 
+pub(crate) use receive::is_known_autopilot;
+
 use super::autopilot_clock::AutopilotClock;
 use super::command::Commands;
 use super::streams::Streams;

@@ -23,6 +23,11 @@ const MAX_STAMP_DISTANCE: Duration = Duration::from_secs(1);
 /// An attitude older than this does not belong to a position.
 const MAX_ATTITUDE_AGE: Duration = Duration::from_millis(250);
 
+/// True for the heartbeat of an autopilot that is spoken here.
+pub(crate) fn is_known_autopilot(header: &MavHeader, data: &HEARTBEAT_DATA) -> bool {
+    header.component_id == AUTOPILOT_COMPONENT && data.autopilot == Px4::AUTOPILOT
+}
+
 impl Session {
     /// Takes in one message that arrived from the wire and appends what follows from it to `out`.
     pub fn on_message(
