@@ -93,10 +93,10 @@ impl Session {
                 }
                 self.battery(sample, out);
             }
-            MavMessage::SYS_STATUS(data) => {
-                if self.autopilot.as_ref().is_some_and(|a| !a.has_battery_status) {
-                    self.battery(inbound::sys_status_battery(data, arrived), out);
-                }
+            MavMessage::SYS_STATUS(data)
+                if self.autopilot.as_ref().is_some_and(|a| !a.has_battery_status) =>
+            {
+                self.battery(inbound::sys_status_battery(data, arrived), out);
             }
             MavMessage::COMMAND_ACK(data) => self.command_ack(data, arrived, out),
             _ => {}
