@@ -1,1 +1,45 @@
-//! link
+//! Talks MAVLink with the autopilot and the ground station.
+//!
+//! [`Session`] is the protocol without any I/O: decoded messages and the brain's actions go in,
+//! events and messages come out, and it is told the time. [`transport`] moves the bytes.
+//!
+//! This is the only place that knows MAVLink's axes. Hall and Body are turned to NED and FRD here:
+//!
+//! ```text
+//! local NED = ( x, −y, −z) of Hall        FRD = ( x, −y, −z) of Body
+//! ```
+//!
+//! What is true of one family of autopilots only (mode numbers, which frames an ODOMETRY may
+//! carry, how a mode change is acknowledged) stands in `dialect`; PX4 is the one spoken.
+//!
+//! One message's way: a transport finds a frame, [`wire::decode`] makes a message of it,
+//! [`Session::on_message`] checks the sender and every number, and the brain sees an
+//! [`Event`](crate::pilot::Event) in SI units, Body or Hall axes and stamps of `Mono`.
+//!
+//! Not here: signing, forwarding between links, parameters, and a second autopilot. A system id
+//! above 255 is not spoken.
+
+mod autopilot_clock;
+mod command;
+mod dialect;
+mod frames;
+mod inbound;
+mod outbound;
+mod session;
+mod settings;
+mod stats;
+mod streams;
+mod telemetry;
+mod text;
+pub mod transport;
+pub mod wire;
+
+pub use session::{Session, SessionOutput};
+pub use settings::{Address, AddressError, Settings};
+pub use stats::LinkStats;
+
+/// MAVLink component id of this service (`MAV_COMP_ID_ONBOARD_COMPUTER`).
+pub const OWN_COMPONENT: u8 = 191;
+
+/// MAVLink component id of an autopilot (`MAV_COMP_ID_AUTOPILOT1`).
+pub const AUTOPILOT_COMPONENT: u8 = 1;

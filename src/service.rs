@@ -1,1 +1,129 @@
-//! service
+//! Runs the brain: tasks, channels, clock, supervision.
+//!
+//! ```text
+//!  lidar thread ──Event──┐                                    ┌──▶ link transport
+//!  camera task ──Event───┤                                    │
+//!  link transport ───────┼──▶ brain task: pilot + session ────┼──▶ recorder thread
+//!  jobs (other threads) ─┤        ▲                           │
+//!  Clock, 60 Hz ─────────┘        └── status (watch) ─────────┴──▶ displays
+//! ```
+//!
+//! Only the brain task speaks to the autopilot. It awaits nothing but its inputs: every output
+//! channel is bounded and never waited for; what does not fit is dropped, counted in
+//! [`ServiceStats`] and warned of once a second. So heartbeat and setpoints stop exactly when the
+//! brain stops.
+
+mod brain;
+pub mod clock;
+mod recorder;
+mod status;
+
+pub use recorder::{Record, Recorder};
+pub use status::{ServiceStats, ServiceStatus};
+
+use crate::link::transport::Transport;
+use crate::link::{self, Session};
+use crate::pilot::{Event, Pilot};
+use brain::Brain;
+use clock::Clock;
+use std::net::SocketAddr;
+use tokio::sync::{mpsc, watch};
+use tokio::task::JoinHandle;
+use tokio_util::sync::CancellationToken;
+
+/// What a service is made of.
+#[expect(missing_debug_implementations, reason = "a recorder need not be printable")]
+pub struct ServiceSetup {
+    /// The brain.
+    pub pilot: Pilot,
+    /// How to reach the autopilot.
+    pub link: link::Settings,
+    /// The clock that stamps everything.
+    pub clock: Clock,
+    /// Cancelled to end the service.
+    pub stop: CancellationToken,
+    /// [`Event::Scanned`] from the LiDAR; the sender counts what does not fit.
+    pub scans: mpsc::Receiver<Event>,
+    /// [`Event::TagsSeen`] from the cameras; the sender counts what does not fit.
+    pub tags: mpsc::Receiver<Event>,
+    /// Where every event and action goes, if anywhere.
+    pub recorder: Option<Box<dyn Recorder>>,
+}
+
+/// Why a service did not start or did not end well.
+#[derive(Debug, thiserror::Error)]
+pub enum ServiceError {
+    /// The link's socket could not be had.
+    #[error("cannot open the link {address}")]
+    Link {
+        /// What was to be opened.
+        address: link::Address,
+        /// Why not.
+        #[source]
+        source: std::io::Error,
+    },
+    /// The brain's task died.
+    #[error("the brain stopped in the middle of its work")]
+    Brain(#[source] tokio::task::JoinError),
+}
+
+/// The service.
+#[derive(Debug)]
+pub struct Service;
+
+impl Service {
+    /// Opens the link and starts all tasks on the current tokio runtime.
+    ///
+    /// # Errors
+    /// [`ServiceError::Link`] if the link's socket cannot be had.
+    pub async fn start(setup: ServiceSetup) -> Result<RunningService, ServiceError> {
+        let ServiceSetup { pilot, link, clock, stop, scans, tags, recorder } = setup;
+        let transport = Transport::start(&link.address, clock.clone(), stop.child_token())
+            .await
+            .map_err(|source| ServiceError::Link { address: link.address.clone(), source })?;
+        let link_addr = transport.local_addr();
+        let recording = recorder.map(recorder::Recording::start);
+        let (status_tx, status) = watch::channel(ServiceStatus::default());
+        let session = Session::new(link);
+        let brain = Brain::new(pilot, session, clock, transport, recording, status_tx);
+        let inputs = brain::Inputs { scans, tags };
+        let task = tokio::spawn(brain.run(inputs, stop.clone()));
+        Ok(RunningService { status, stop, link_addr, task })
+    }
+}
+
+/// A service at work.
+#[derive(Debug)]
+pub struct RunningService {
+    status: watch::Receiver<ServiceStatus>,
+    stop: CancellationToken,
+    link_addr: Option<SocketAddr>,
+    task: JoinHandle<ServiceStats>,
+}
+
+impl RunningService {
+    /// What the service last said of itself; some ten times a second.
+    #[must_use]
+    pub fn status(&self) -> watch::Receiver<ServiceStatus> {
+        self.status.clone()
+    }
+
+    /// The own address of a link by datagrams.
+    #[must_use]
+    pub const fn link_addr(&self) -> Option<SocketAddr> {
+        self.link_addr
+    }
+
+    /// Asks the service to end; the vehicle is left to the autopilot's failsafe.
+    pub fn stop(&self) {
+        self.stop.cancel();
+    }
+
+    /// Waits until every task has ended and the recorder is flushed.
+    ///
+    /// # Errors
+    /// [`ServiceError::Brain`] if the brain's task panicked.
+    pub async fn join(self) -> Result<ServiceStats, ServiceError> {
+        self.task.await.map_err(ServiceError::Brain)
+    }
+}

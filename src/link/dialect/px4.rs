@@ -1,0 +1,121 @@
+//! PX4's mode numbers and its way to acknowledge.
+//!
+//! Source: PX4 v1.16 `px4_custom_mode.h`; observed on v1.16.1.
+
+use super::{Dialect, WireCommand};
+use crate::messages::{FlightMode, VehicleCommand};
+use mavlink::dialects::ardupilotmega::{
+    HEARTBEAT_DATA, MavAutopilot, MavCmd, MavModeFlag, MavState,
+};
+use std::time::Duration;
+
+const MAIN_MANUAL: u8 = 1;
+const MAIN_ALTCTL: u8 = 2;
+const MAIN_POSCTL: u8 = 3;
+const MAIN_AUTO: u8 = 4;
+const MAIN_ACRO: u8 = 5;
+const MAIN_OFFBOARD: u8 = 6;
+const MAIN_STABILIZED: u8 = 7;
+const AUTO_TAKEOFF: u8 = 2;
+const AUTO_LOITER: u8 = 3;
+const AUTO_RTL: u8 = 5;
+const AUTO_LAND: u8 = 6;
+
+/// The link's answer comes at once, the commander's within a cycle; a slow serial line adds some
+/// tens of milliseconds.
+const SECOND_ANSWER_WITHIN: Duration = Duration::from_millis(300);
+
+/// PX4 flying a multicopter.
+#[derive(Debug)]
+pub(crate) struct Px4;
+
+impl Dialect for Px4 {
+    const AUTOPILOT: MavAutopilot = MavAutopilot::MAV_AUTOPILOT_PX4;
+
+    /// `custom_mode` = main mode << 16 | sub mode << 24.
+    fn flight_mode(heartbeat: &HEARTBEAT_DATA) -> FlightMode {
+        let other = FlightMode::Other(heartbeat.custom_mode);
+        if !heartbeat.base_mode.contains(MavModeFlag::MAV_MODE_FLAG_CUSTOM_MODE_ENABLED) {
+            return other;
+        }
+        let [_, _, main, sub] = heartbeat.custom_mode.to_le_bytes();
+        match (main, sub) {
+            (MAIN_MANUAL | MAIN_ALTCTL | MAIN_POSCTL | MAIN_ACRO | MAIN_STABILIZED, _) => {
+                FlightMode::Pilot
+            }
+            (MAIN_OFFBOARD, _) => FlightMode::Companion,
+            (MAIN_AUTO, AUTO_TAKEOFF) => FlightMode::TakeOff,
+            (MAIN_AUTO, AUTO_LOITER) => FlightMode::Hold,
+            (MAIN_AUTO, AUTO_RTL) => FlightMode::Return,
+            (MAIN_AUTO, AUTO_LAND) => FlightMode::Land,
+            _ => other,
+        }
+    }
+
+    fn is_in_failsafe(heartbeat: &HEARTBEAT_DATA) -> bool {
+        matches!(
+            heartbeat.system_status,
+            MavState::MAV_STATE_CRITICAL
+                | MavState::MAV_STATE_EMERGENCY
+                | MavState::MAV_STATE_FLIGHT_TERMINATION
+        )
+    }
+
+    fn wire_command(command: VehicleCommand) -> WireCommand {
+        match command {
+            VehicleCommand::Arm => arm_disarm(1.0),
+            VehicleCommand::Disarm => arm_disarm(0.0),
+            VehicleCommand::EnterCompanionMode => set_mode(MAIN_OFFBOARD, 0),
+            VehicleCommand::EnterHold => set_mode(MAIN_AUTO, AUTO_LOITER),
+            VehicleCommand::EnterLand => set_mode(MAIN_AUTO, AUTO_LAND),
+        }
+    }
+}
+
+const fn arm_disarm(param1: f32) -> WireCommand {
+    WireCommand {
+        command: MavCmd::MAV_CMD_COMPONENT_ARM_DISARM,
+        params: [param1, 0.0, 0.0],
+        second_answer_within: None,
+    }
+}
+
+/// A mode is acknowledged twice: by the link, always well, and by the commander.
+fn set_mode(main: u8, sub: u8) -> WireCommand {
+    let base = MavModeFlag::MAV_MODE_FLAG_CUSTOM_MODE_ENABLED.bits();
+    WireCommand {
+        command: MavCmd::MAV_CMD_DO_SET_MODE,
+        params: [f32::from(base), f32::from(main), f32::from(sub)],
+        second_answer_within: Some(SECOND_ANSWER_WITHIN),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn heartbeat(base_mode: u8, custom_mode: u32) -> HEARTBEAT_DATA {
+        HEARTBEAT_DATA {
+            custom_mode,
+            base_mode: MavModeFlag::from_bits_retain(base_mode),
+            ..Default::default()
+        }
+    }
+
+    #[test]
+    fn modes_as_observed_on_the_running_autopilot() {
+        for (base, custom, mode) in [
+            (0x91, 0x0006_0000, FlightMode::Companion),
+            (0x9d, 0x0304_0000, FlightMode::Hold),
+            (0x9d, 0x0604_0000, FlightMode::Land),
+            (0x1d, 0x0204_0000, FlightMode::TakeOff),
+            (0x9d, 0x0504_0000, FlightMode::Return),
+            (0xd1, 0x0003_0000, FlightMode::Pilot),
+            (0x9d, 0x0404_0000, FlightMode::Other(0x0404_0000)),
+            (0x91, 0x000a_0000, FlightMode::Other(0x000a_0000)),
+            (0x90, 0x0006_0000, FlightMode::Other(0x0006_0000)),
+        ] {
+            assert_eq!(Px4::flight_mode(&heartbeat(base, custom)), mode, "{base:#x} {custom:#x}");
+        }
+    }
+}

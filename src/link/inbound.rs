@@ -1,0 +1,134 @@
+//! Numbers of the autopilot, checked and turned to SI units, Hall and Body axes.
+//!
+//! Nothing here trusts the sender: a NaN, an infinity or a value that no such vehicle can have
+//! makes the whole sample void.
+
+use super::frames::{half_turned, hall_from_body_rot};
+use crate::geometry::{Body, Direction, Hall, Point, Rotation};
+use crate::messages::{BatterySample, LandedState, OperatorVerb};
+use crate::time::{Boot, Mono, Stamp};
+use mavlink::dialects::ardupilotmega::{
+    ATTITUDE_QUATERNION_DATA, BATTERY_STATUS_DATA, HIGHRES_IMU_DATA, LOCAL_POSITION_NED_DATA,
+    MavCmd, MavLandedState, SYS_STATUS_DATA,
+};
+use nalgebra::Vector3;
+
+/// Twice the widest range of the inertial sensors in use (16 g and 2000 °/s).
+const MAX_ACCEL_MPS2: f64 = 320.0;
+const MAX_GYRO_RADPS: f64 = 70.0;
+/// No hall is longer.
+const MAX_POSITION_M: f64 = 10_000.0;
+const MAX_SPEED_MPS: f64 = 100.0;
+const MAX_VOLTAGE_V: f64 = 100.0;
+/// Longer ago than any autopilot has been running: 10 years.
+const MAX_BOOT_NS: i64 = 315_360_000 * 1_000_000_000;
+
+/// The vector, unless a component is NaN or larger than `bound`.
+fn bounded(x: f32, y: f32, z: f32, bound: f64) -> Option<Vector3<f64>> {
+    let v = Vector3::new(f64::from(x), f64::from(y), f64::from(z));
+    v.iter().all(|c| c.abs() <= bound).then_some(v)
+}
+
+/// The instant `micros` after the autopilot's boot.
+pub(crate) fn boot_from_micros(micros: u64) -> Option<Stamp<Boot>> {
+    let nanos = i64::try_from(micros).ok()?.checked_mul(1_000)?;
+    (nanos <= MAX_BOOT_NS).then(|| Stamp::from_nanos(nanos))
+}
+
+/// The instant `millis` after the autopilot's boot.
+pub(crate) fn boot_from_millis(millis: u32) -> Stamp<Boot> {
+    Stamp::from_nanos(i64::from(millis) * 1_000_000)
+}
+
+/// The instant `nanos` after the autopilot's boot.
+pub(crate) fn boot_from_nanos(nanos: i64) -> Option<Stamp<Boot>> {
+    (0 < nanos && nanos <= MAX_BOOT_NS).then(|| Stamp::from_nanos(nanos))
+}
+
+/// Specific force (m/s²) and angular velocity (rad/s) in Body axes.
+pub(crate) fn inertial(data: &HIGHRES_IMU_DATA) -> Option<(Vector3<f64>, Vector3<f64>)> {
+    let accel_frd = bounded(data.xacc, data.yacc, data.zacc, MAX_ACCEL_MPS2)?;
+    let gyro_frd = bounded(data.xgyro, data.ygyro, data.zgyro, MAX_GYRO_RADPS)?;
+    Some((half_turned(&accel_frd), half_turned(&gyro_frd)))
+}
+
+/// Position (m) and velocity (m/s) in the hall.
+pub(crate) fn local_position(
+    data: &LOCAL_POSITION_NED_DATA,
+) -> Option<(Point<Hall>, Direction<Hall>)> {
+    let position_ned = bounded(data.x, data.y, data.z, MAX_POSITION_M)?;
+    let velocity_ned = bounded(data.vx, data.vy, data.vz, MAX_SPEED_MPS)?;
+    Some((
+        Point::from_coords(half_turned(&position_ned)),
+        Direction::from_coords(half_turned(&velocity_ned)),
+    ))
+}
+
+/// The attitude; `None` if the quaternion is not finite or not of unit length.
+pub(crate) fn attitude(data: &ATTITUDE_QUATERNION_DATA) -> Option<Rotation<Hall, Body>> {
+    let wxyz = [data.q1, data.q2, data.q3, data.q4].map(f64::from);
+    let length = wxyz.iter().map(|c| c * c).sum::<f64>().sqrt();
+    // Single precision leaves 1e-7; a sender that forgot to normalise is off by far more.
+    ((length - 1.0).abs() < 1e-2).then(|| hall_from_body_rot(wxyz))?
+}
+
+/// The first battery; `None` if it says nothing or nothing credible.
+///
+/// MAVLink marks unknown cells and voltages by 65535, unknown current and charge by −1.
+pub(crate) fn battery_status(data: &BATTERY_STATUS_DATA, at: Stamp<Mono>) -> Option<BatterySample> {
+    let cells = data.voltages.iter().filter(|mv| **mv != u16::MAX);
+    let ext_cells = data.voltages_ext.iter().filter(|mv| **mv != 0 && **mv != u16::MAX);
+    let millivolts: u32 = cells.chain(ext_cells).map(|mv| u32::from(*mv)).sum();
+    battery(millivolts, data.current_battery, data.battery_remaining, at)
+}
+
+/// The battery as `SYS_STATUS` sums it up.
+pub(crate) fn sys_status_battery(data: &SYS_STATUS_DATA, at: Stamp<Mono>) -> Option<BatterySample> {
+    let is_known = data.voltage_battery != u16::MAX;
+    let millivolts = if is_known { u32::from(data.voltage_battery) } else { 0 };
+    battery(millivolts, data.current_battery, data.battery_remaining, at)
+}
+
+fn battery(millivolts: u32, centiamps: i16, percent: i8, at: Stamp<Mono>) -> Option<BatterySample> {
+    let voltage_v = f64::from(millivolts) * 1e-3;
+    let is_credible = (0..=100).contains(&percent) && 0.0 < voltage_v && voltage_v < MAX_VOLTAGE_V;
+    is_credible.then(|| BatterySample {
+        at,
+        voltage_v,
+        current_a: f64::from(centiamps.max(0)) * 1e-2,
+        remaining_ratio: f64::from(percent) * 1e-2,
+    })
+}
+
+/// Ground or air.
+pub(crate) const fn landed_state(state: MavLandedState) -> LandedState {
+    match state {
+        MavLandedState::MAV_LANDED_STATE_UNDEFINED => LandedState::Unknown,
+        MavLandedState::MAV_LANDED_STATE_ON_GROUND => LandedState::OnGround,
+        MavLandedState::MAV_LANDED_STATE_IN_AIR => LandedState::InAir,
+        MavLandedState::MAV_LANDED_STATE_TAKEOFF => LandedState::TakingOff,
+        MavLandedState::MAV_LANDED_STATE_LANDING => LandedState::Landing,
+    }
+}
+
+/// What a person asks for, in the order of `MAV_CMD_USER_1` to `5`.
+const VERBS: [(MavCmd, OperatorVerb); 5] = [
+    (MavCmd::MAV_CMD_USER_1, OperatorVerb::Start),
+    (MavCmd::MAV_CMD_USER_2, OperatorVerb::Hold),
+    (MavCmd::MAV_CMD_USER_3, OperatorVerb::Resume),
+    (MavCmd::MAV_CMD_USER_4, OperatorVerb::Return),
+    (MavCmd::MAV_CMD_USER_5, OperatorVerb::Land),
+];
+
+/// The verb of a command; `None` if it is none of an operator's.
+pub(crate) fn operator_verb(command: MavCmd) -> Option<OperatorVerb> {
+    VERBS.iter().find(|(known, _)| *known == command).map(|(_, verb)| *verb)
+}
+
+/// The command of a verb.
+pub(crate) fn operator_command(verb: OperatorVerb) -> MavCmd {
+    VERBS
+        .iter()
+        .find(|(_, known)| *known == verb)
+        .map_or(MavCmd::MAV_CMD_USER_1, |(command, _)| *command)
+}

@@ -1,0 +1,1 @@
+//! Setpoints and poses against numbers computed by hand.

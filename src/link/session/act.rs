@@ -1,0 +1,73 @@
+//! The brain's actions as messages.
+
+use super::{Autopilot, Session, SessionOutput};
+use crate::link::dialect::{Dialect as _, Px4};
+use crate::link::{inbound, outbound};
+use crate::messages::{CommandOutcome, OperatorAnswer, VehicleCommand};
+use crate::pilot::{Action, Event};
+use crate::time::{Mono, Stamp};
+use mavlink::dialects::ardupilotmega::{COMMAND_ACK_DATA, MavMessage, MavResult};
+
+impl Session {
+    /// Appends what `action` means on the wire to `out`; actions that do not concern the link
+    /// change nothing.
+    pub fn on_action(&mut self, action: &Action, now: Stamp<Mono>, out: &mut SessionOutput) {
+        let sent_before = out.messages.len();
+        match action {
+            Action::Steer(setpoint) => {
+                if let Some(Autopilot { system, .. }) = self.autopilot {
+                    self.push(outbound::setpoint(setpoint, system), out);
+                }
+            }
+            Action::PublishOdometry(estimate) => {
+                if self.autopilot.is_some() {
+                    self.push(outbound::odometry(estimate), out);
+                }
+            }
+            Action::Command(command) => self.command(*command, now, out),
+            Action::ReportVolume(report) => self.telemetry.report(report, now, &mut out.messages),
+            Action::Say(line) => {
+                self.telemetry.say(line.severity, &line.text, &mut out.messages);
+            }
+            Action::Answer(answer) => out.messages.push(operator_ack(answer)),
+            Action::Start { .. }
+            | Action::PhaseChanged(_)
+            | Action::FixTreated(_)
+            | Action::SurfaceSolved(_)
+            | Action::Ended(_) => {}
+        }
+        self.count_sent(sent_before, out);
+    }
+
+    fn push(&mut self, message: Option<MavMessage>, out: &mut SessionOutput) {
+        match message {
+            Some(message) => out.messages.push(message),
+            None => self.stats.outbound_refused += 1,
+        }
+    }
+
+    /// Without an autopilot a command is refused at once.
+    fn command(&mut self, command: VehicleCommand, now: Stamp<Mono>, out: &mut SessionOutput) {
+        let Some(Autopilot { system, is_lost: false, .. }) = self.autopilot else {
+            let refusal = CommandOutcome { at: now, command, is_accepted: false };
+            out.events.push(Event::CommandAnswered(refusal));
+            return;
+        };
+        self.commands.begin(command, Px4::wire_command(command), system, now, out);
+    }
+}
+
+fn operator_ack(answer: &OperatorAnswer) -> MavMessage {
+    let result = if answer.is_accepted {
+        MavResult::MAV_RESULT_ACCEPTED
+    } else {
+        MavResult::MAV_RESULT_TEMPORARILY_REJECTED
+    };
+    MavMessage::COMMAND_ACK(COMMAND_ACK_DATA {
+        command: inbound::operator_command(answer.verb),
+        result,
+        target_system: answer.to.system,
+        target_component: answer.to.component,
+        ..Default::default()
+    })
+}

@@ -1,0 +1,302 @@
+//! Messages from the autopilot and from people.
+
+use super::{Autopilot, Session, SessionOutput};
+use crate::link::autopilot_clock::ClockSample;
+use crate::link::dialect::{Dialect, Px4};
+use crate::link::{AUTOPILOT_COMPONENT, OWN_COMPONENT, inbound};
+use crate::messages::{
+    AutopilotPose, BatterySample, ImuSample, LandedState, OperatorCommand, OperatorRequest,
+    VehicleState,
+};
+use crate::pilot::Event;
+use crate::time::{Boot, Mono, Stamp};
+use mavlink::dialects::ardupilotmega::{
+    ATTITUDE_QUATERNION_DATA, COMMAND_ACK_DATA, HEARTBEAT_DATA, HIGHRES_IMU_DATA,
+    LOCAL_POSITION_NED_DATA, MavAutopilot, MavCmd, MavMessage, MavModeFlag, MavResult,
+    TIMESYNC_DATA,
+};
+use mavlink::{MavHeader, Message as _};
+use std::time::Duration;
+
+/// A sample's stamp further than this from its arrival is no stamp.
+const MAX_STAMP_DISTANCE: Duration = Duration::from_secs(1);
+/// An attitude older than this does not belong to a position.
+const MAX_ATTITUDE_AGE: Duration = Duration::from_millis(250);
+
+/// True for the heartbeat of an autopilot that is spoken here.
+pub(crate) fn is_known_autopilot(header: &MavHeader, data: &HEARTBEAT_DATA) -> bool {
+    header.component_id == AUTOPILOT_COMPONENT && data.autopilot == Px4::AUTOPILOT
+}
+
+impl Session {
+    /// Takes in one message that arrived from the wire and appends what follows from it to `out`.
+    pub fn on_message(
+        &mut self,
+        header: &MavHeader,
+        message: &MavMessage,
+        arrived: Stamp<Mono>,
+        out: &mut SessionOutput,
+    ) {
+        let sent_before = out.messages.len();
+        match u8::try_from(header.system_id) {
+            Ok(system) => self.dispatch(system, header.component_id, message, arrived, out),
+            Err(_) => self.stats.foreign_messages += 1,
+        }
+        self.count_sent(sent_before, out);
+    }
+
+    fn dispatch(
+        &mut self,
+        system: u8,
+        component: u8,
+        message: &MavMessage,
+        arrived: Stamp<Mono>,
+        out: &mut SessionOutput,
+    ) {
+        match message {
+            MavMessage::HEARTBEAT(data) => self.heartbeat_in(system, component, data, arrived, out),
+            MavMessage::COMMAND_LONG(data) => {
+                let target = (data.target_system, data.target_component);
+                self.asked((system, component), target, data.command, arrived, out);
+            }
+            MavMessage::COMMAND_INT(data) => {
+                let target = (data.target_system, data.target_component);
+                self.asked((system, component), target, data.command, arrived, out);
+            }
+            _ if component == AUTOPILOT_COMPONENT && Some(system) == self.autopilot_system() => {
+                self.stats.messages_in += 1;
+                self.streams.on_arrival(message.message_id());
+                self.autopilot_says(message, arrived, out);
+            }
+            _ => self.stats.foreign_messages += 1,
+        }
+    }
+
+    fn autopilot_says(
+        &mut self,
+        message: &MavMessage,
+        arrived: Stamp<Mono>,
+        out: &mut SessionOutput,
+    ) {
+        match message {
+            MavMessage::HIGHRES_IMU(data) => self.imu(data, arrived, out),
+            MavMessage::TIMESYNC(data) => self.timesync_in(data, arrived, out),
+            MavMessage::LOCAL_POSITION_NED(data) => self.position(data, arrived, out),
+            MavMessage::ATTITUDE_QUATERNION(data) => self.attitude(data, arrived),
+            MavMessage::EXTENDED_SYS_STATE(data) => {
+                self.landed(inbound::landed_state(data.landed_state), arrived, out);
+            }
+            MavMessage::BATTERY_STATUS(data) if data.id == 0 => {
+                let sample = inbound::battery_status(data, arrived);
+                if let Some(autopilot) = &mut self.autopilot {
+                    autopilot.has_battery_status |= sample.is_some();
+                }
+                self.battery(sample, out);
+            }
+            MavMessage::SYS_STATUS(data)
+                if self.autopilot.as_ref().is_some_and(|a| !a.has_battery_status) =>
+            {
+                self.battery(inbound::sys_status_battery(data, arrived), out);
+            }
+            MavMessage::COMMAND_ACK(data) => self.command_ack(data, arrived, out),
+            _ => {}
+        }
+    }
+
+    /// Latches the first autopilot of a known family, follows its heartbeat, refuses any other.
+    fn heartbeat_in(
+        &mut self,
+        system: u8,
+        component: u8,
+        data: &HEARTBEAT_DATA,
+        arrived: Stamp<Mono>,
+        out: &mut SessionOutput,
+    ) {
+        let is_known = component == AUTOPILOT_COMPONENT && data.autopilot == Px4::AUTOPILOT;
+        match &mut self.autopilot {
+            None if is_known && system != 0 => {
+                let state = vehicle_state(data, LandedState::Unknown, arrived);
+                self.autopilot = Some(Autopilot::new(system, state));
+            }
+            Some(autopilot) if is_known && autopilot.system == system => {
+                autopilot.state = vehicle_state(data, autopilot.state.landed, arrived);
+                autopilot.heard_at = arrived;
+                autopilot.is_lost = false;
+            }
+            _ if data.autopilot == MavAutopilot::MAV_AUTOPILOT_INVALID => {
+                self.stats.foreign_messages += 1;
+                return;
+            }
+            _ => {
+                self.stats.refused_autopilots += 1;
+                return;
+            }
+        }
+        self.stats.messages_in += 1;
+        out.events.extend(self.autopilot.as_ref().map(|a| Event::Vehicle(a.state)));
+    }
+
+    /// The landed state is told at each change; the heartbeat repeats it.
+    fn landed(&mut self, landed: LandedState, arrived: Stamp<Mono>, out: &mut SessionOutput) {
+        let Some(autopilot) = &mut self.autopilot else { return };
+        if autopilot.state.landed != landed {
+            autopilot.state.landed = landed;
+            autopilot.state.at = arrived;
+            out.events.push(Event::Vehicle(autopilot.state));
+        }
+    }
+
+    fn battery(&mut self, sample: Option<BatterySample>, out: &mut SessionOutput) {
+        match sample {
+            Some(sample) => out.events.push(Event::Battery(sample)),
+            None => self.stats.refused_values += 1,
+        }
+    }
+
+    fn imu(&mut self, data: &HIGHRES_IMU_DATA, arrived: Stamp<Mono>, out: &mut SessionOutput) {
+        let boot = inbound::boot_from_micros(data.time_usec);
+        let (Some(boot), Some((accel_mps2, gyro_radps))) = (boot, inbound::inertial(data)) else {
+            self.stats.refused_values += 1;
+            return;
+        };
+        self.watch_reboot(boot);
+        let Some(at) = self.stamp(boot, arrived) else { return };
+        let Some(autopilot) = &mut self.autopilot else { return };
+        if autopilot.last_imu_at.is_some_and(|last| at <= last) {
+            self.stats.stale_samples += 1;
+            return;
+        }
+        autopilot.last_imu_at = Some(at);
+        out.events.push(Event::Imu(ImuSample { at, accel_mps2, gyro_radps }));
+    }
+
+    fn position(
+        &mut self,
+        data: &LOCAL_POSITION_NED_DATA,
+        arrived: Stamp<Mono>,
+        out: &mut SessionOutput,
+    ) {
+        let Some((position, velocity_mps)) = inbound::local_position(data) else {
+            self.stats.refused_values += 1;
+            return;
+        };
+        let boot = inbound::boot_from_millis(data.time_boot_ms);
+        let Some(at) = self.stamp(boot, arrived) else { return };
+        let attitude = self.autopilot.as_ref().and_then(|autopilot| autopilot.attitude);
+        let hall_from_body_rot =
+            attitude.filter(|(heard, _)| arrived.since(*heard) <= MAX_ATTITUDE_AGE).map(|a| a.1);
+        let pose = AutopilotPose { at, position, velocity_mps, hall_from_body_rot };
+        out.events.push(Event::AutopilotPose(pose));
+    }
+
+    fn attitude(&mut self, data: &ATTITUDE_QUATERNION_DATA, arrived: Stamp<Mono>) {
+        match (inbound::attitude(data), &mut self.autopilot) {
+            (Some(rotation), Some(autopilot)) => autopilot.attitude = Some((arrived, rotation)),
+            _ => self.stats.refused_values += 1,
+        }
+    }
+
+    /// The stamp on this computer's clock, if the offset is known and gives a credible one.
+    fn stamp(&mut self, boot: Stamp<Boot>, arrived: Stamp<Mono>) -> Option<Stamp<Mono>> {
+        let Some(at) = self.clock.mono_from_boot(boot) else {
+            self.stats.unsynced_samples += 1;
+            return None;
+        };
+        let distance = at.since(arrived).max(arrived.since(at));
+        if distance > MAX_STAMP_DISTANCE {
+            self.stats.refused_values += 1;
+            return None;
+        }
+        Some(at)
+    }
+
+    fn watch_reboot(&mut self, boot: Stamp<Boot>) {
+        if self.clock.rebooted(boot) {
+            self.stats.autopilot_reboots += 1;
+            self.stats.timesync_resets += 1;
+            self.streams.forget();
+        }
+    }
+
+    /// Answers a request with the arrival on the clock that stamps ODOMETRY, or takes in an answer.
+    fn timesync_in(&mut self, data: &TIMESYNC_DATA, arrived: Stamp<Mono>, out: &mut SessionOutput) {
+        if data.tc1 == 0 {
+            out.messages.push(MavMessage::TIMESYNC(TIMESYNC_DATA {
+                tc1: arrived.nanos(),
+                ts1: data.ts1,
+                target_system: self.autopilot_system().unwrap_or(0),
+                target_component: AUTOPILOT_COMPONENT,
+            }));
+            return;
+        }
+        let Some(boot) = inbound::boot_from_nanos(data.tc1) else {
+            self.stats.refused_values += 1;
+            return;
+        };
+        self.watch_reboot(boot);
+        match self.clock.on_answer(Stamp::from_nanos(data.ts1), boot, arrived) {
+            ClockSample::Fused => self.stats.timesync_accepted += 1,
+            ClockSample::Refused | ClockSample::Outlier => self.stats.timesync_refused += 1,
+            ClockSample::Reset => {
+                self.stats.timesync_refused += 1;
+                self.stats.timesync_resets += 1;
+            }
+        }
+    }
+
+    /// An answer counts if it is meant for this component; old firmware leaves the target at 0.
+    fn command_ack(
+        &mut self,
+        data: &COMMAND_ACK_DATA,
+        arrived: Stamp<Mono>,
+        out: &mut SessionOutput,
+    ) {
+        let own_system = self.autopilot_system().unwrap_or(0);
+        let is_mine = (data.target_system == 0 || data.target_system == own_system)
+            && (data.target_component == 0 || data.target_component == OWN_COMPONENT);
+        if is_mine {
+            self.commands.on_answer(data.command, data.result, arrived, out);
+        }
+    }
+
+    /// A command from anyone; only those to this very component are looked at.
+    fn asked(
+        &mut self,
+        from: (u8, u8),
+        target: (u8, u8),
+        command: MavCmd,
+        arrived: Stamp<Mono>,
+        out: &mut SessionOutput,
+    ) {
+        let own = self.autopilot_system().map(|system| (system, OWN_COMPONENT));
+        if own != Some(target) || own == Some(from) {
+            self.stats.foreign_messages += 1;
+            return;
+        }
+        let (system, component) = from;
+        if let Some(verb) = inbound::operator_verb(command) {
+            self.stats.operator_commands += 1;
+            let from = OperatorRequest { system, component };
+            out.events.push(Event::Operator(OperatorCommand { at: arrived, verb, from }));
+        } else {
+            self.stats.unsupported_commands += 1;
+            out.messages.push(MavMessage::COMMAND_ACK(COMMAND_ACK_DATA {
+                command,
+                result: MavResult::MAV_RESULT_UNSUPPORTED,
+                target_system: system,
+                target_component: component,
+                ..Default::default()
+            }));
+        }
+    }
+}
+
+fn vehicle_state(data: &HEARTBEAT_DATA, landed: LandedState, at: Stamp<Mono>) -> VehicleState {
+    VehicleState {
+        at,
+        is_armed: data.base_mode.contains(MavModeFlag::MAV_MODE_FLAG_SAFETY_ARMED),
+        mode: Px4::flight_mode(data),
+        landed,
+        in_failsafe: Px4::is_in_failsafe(data),
+    }
+}

@@ -1,0 +1,131 @@
+//! Byte streams: TCP and serial ports, opened again when they break.
+
+use super::{
+    Counters, Ends, Outgoing, REOPEN_AFTER, Received, Timer, count, hand_on, numbered_frame,
+};
+use mavlink::AsyncMavlinkReader;
+use mavlink::dialects::ardupilotmega::MavMessage;
+use mavlink::error::MessageReadError;
+use std::future::Future;
+use std::io;
+use tokio::io::{AsyncRead, AsyncWrite, AsyncWriteExt as _};
+use tokio::net::TcpStream;
+use tokio::sync::mpsc;
+use tokio_serial::{SerialPortBuilderExt as _, SerialStream};
+use tokio_util::sync::CancellationToken;
+
+/// Something that can be opened again and again.
+pub(super) trait Opener: Send + 'static {
+    type Stream: AsyncRead + AsyncWrite + Unpin + Send;
+    fn open(&self) -> impl Future<Output = io::Result<Self::Stream>> + Send;
+    fn name(&self) -> &str;
+}
+
+#[derive(Debug)]
+pub(super) struct Tcp {
+    pub(super) host: String,
+}
+
+impl Opener for Tcp {
+    type Stream = TcpStream;
+
+    async fn open(&self) -> io::Result<TcpStream> {
+        let stream = TcpStream::connect(&self.host).await?;
+        stream.set_nodelay(true)?;
+        Ok(stream)
+    }
+
+    fn name(&self) -> &str {
+        &self.host
+    }
+}
+
+#[derive(Debug)]
+pub(super) struct Serial {
+    pub(super) path: String,
+    pub(super) baud: u32,
+}
+
+impl Opener for Serial {
+    type Stream = SerialStream;
+
+    // 8 data bits, no parity, one stop bit and no flow control are the builder's defaults.
+    async fn open(&self) -> io::Result<SerialStream> {
+        Ok(tokio_serial::new(&self.path, self.baud).open_native_async()?)
+    }
+
+    fn name(&self) -> &str {
+        &self.path
+    }
+}
+
+/// Works until `stop` is cancelled.
+pub(super) async fn run<O: Opener, T: Timer>(
+    opener: O,
+    mut ends: Ends<T>,
+    stop: CancellationToken,
+) {
+    loop {
+        tokio::select! {
+            () = stop.cancelled() => return,
+            result = serve_once(&opener, &mut ends) => match result {
+                Ok(()) => return,
+                Err(error) => {
+                    count(&ends.counters.io_errors);
+                    tracing::warn!(%error, link = opener.name(), "the link is down");
+                }
+            },
+        }
+        let resume_at = ends.timer.now().plus(REOPEN_AFTER);
+        tokio::select! {
+            () = stop.cancelled() => return,
+            () = ends.timer.sleep_until(resume_at) => {}
+        }
+    }
+}
+
+/// Opens the stream and moves frames until it breaks; `Ok` if nobody sends any more.
+async fn serve_once<O: Opener, T: Timer>(opener: &O, ends: &mut Ends<T>) -> io::Result<()> {
+    let stream = opener.open().await?;
+    count(&ends.counters.opened);
+    tracing::info!(link = opener.name(), "the link is open");
+    // What waited while the link was down is stale: a setpoint of a second ago must not be flown.
+    while ends.outgoing.try_recv().is_ok() {
+        count(&ends.counters.send_failed);
+    }
+    let (reader, writer) = tokio::io::split(stream);
+    let Ends { received, outgoing, counters, timer, sequence } = ends;
+    tokio::select! {
+        error = read_all(reader, received, counters, timer) => Err(error),
+        result = write_all(writer, outgoing, counters, sequence) => result,
+    }
+}
+
+async fn read_all<R: AsyncRead + Unpin, T: Timer>(
+    source: R,
+    received: &mpsc::Sender<Received>,
+    counters: &Counters,
+    timer: &T,
+) -> io::Error {
+    let mut reader = AsyncMavlinkReader::new(source);
+    loop {
+        match reader.read_any_raw_message::<MavMessage>().await {
+            Ok(raw) => hand_on(&raw, timer.now(), received, counters),
+            Err(MessageReadError::Io(error)) => return error,
+            Err(_) => count(&counters.undecodable),
+        }
+    }
+}
+
+async fn write_all<W: AsyncWrite + Unpin>(
+    mut sink: W,
+    outgoing: &mut mpsc::Receiver<Outgoing>,
+    counters: &Counters,
+    sequence: &mut u8,
+) -> io::Result<()> {
+    while let Some(message) = outgoing.recv().await {
+        sink.write_all(&numbered_frame(&message, sequence)).await?;
+        count(&counters.sent);
+    }
+    Ok(())
+}

@@ -1,0 +1,276 @@
+//! The brain's task: one event after the other, from every source.
+
+mod ticker;
+
+use super::clock::Clock;
+use super::recorder::{Record, Recording};
+use super::status::{ServiceStats, ServiceStatus};
+use crate::link::transport::{Outgoing, Received, Transport};
+use crate::link::{Session, SessionOutput};
+use crate::messages::Severity;
+use crate::pilot::{Action, Event, Job, JobId, JobOutput, Pilot};
+use crate::time::{Mono, Stamp};
+use std::collections::VecDeque;
+use std::time::Duration;
+use ticker::Ticker;
+use tokio::sync::{mpsc, watch};
+use tokio::task::{JoinError, JoinSet};
+use tokio_util::sync::CancellationToken;
+
+/// Status is shown at every sixth tick: 10 Hz.
+const TICKS_PER_STATUS: u64 = 6;
+/// What waits in an input when a tick strikes is taken in first, but no more than this.
+const MAX_BEFORE_TICK: usize = 256;
+const WARN_EVERY: Duration = Duration::from_secs(1);
+
+/// Sources of events outside this service.
+#[derive(Debug)]
+pub(super) struct Inputs {
+    pub(super) scans: mpsc::Receiver<Event>,
+    pub(super) tags: mpsc::Receiver<Event>,
+}
+
+/// Something that happened to the brain's task.
+enum Happening {
+    Stopped,
+    TickDue,
+    Arrived(Received),
+    Sensed(Event),
+    JobEnded(Result<(JobId, JobOutput), JoinError>),
+}
+
+/// The brain with its link, its jobs and its witnesses.
+#[derive(Debug)]
+pub(super) struct Brain {
+    pilot: Pilot,
+    session: Session,
+    clock: Clock,
+    transport: Transport,
+    recording: Option<Recording>,
+    jobs: JoinSet<(JobId, JobOutput)>,
+    ticker: Ticker,
+    events: VecDeque<Event>,
+    actions: Vec<Action>,
+    out: SessionOutput,
+    status: ServiceStatus,
+    status_tx: watch::Sender<ServiceStatus>,
+    warned: (Stamp<Mono>, u64),
+}
+
+impl Brain {
+    pub(super) fn new(
+        pilot: Pilot,
+        session: Session,
+        clock: Clock,
+        transport: Transport,
+        recording: Option<Recording>,
+        status_tx: watch::Sender<ServiceStatus>,
+    ) -> Self {
+        let now = clock.now();
+        Self {
+            pilot,
+            session,
+            transport,
+            recording,
+            jobs: JoinSet::new(),
+            ticker: Ticker::new(now),
+            events: VecDeque::new(),
+            actions: Vec::new(),
+            out: SessionOutput::default(),
+            status: ServiceStatus::default(),
+            status_tx,
+            warned: (now, 0),
+            clock,
+        }
+    }
+
+    /// Works until `stop` is cancelled, then ends everything in order.
+    pub(super) async fn run(mut self, mut inputs: Inputs, stop: CancellationToken) -> ServiceStats {
+        loop {
+            match self.next(&mut inputs, &stop).await {
+                Happening::Stopped => return self.end().await,
+                Happening::TickDue => self.tick(&mut inputs),
+                Happening::Arrived(received) => self.arrived(&received),
+                Happening::Sensed(event) => self.events.push_back(event),
+                Happening::JobEnded(result) => self.job_ended(result),
+            }
+            self.work_off();
+        }
+    }
+
+    /// Waits for whatever comes first. Ticks stand before data, so that no flood starves them.
+    async fn next(&mut self, inputs: &mut Inputs, stop: &CancellationToken) -> Happening {
+        tokio::select! {
+            biased;
+            () = stop.cancelled() => Happening::Stopped,
+            () = self.clock.sleep_until(self.ticker.due()) => Happening::TickDue,
+            Some(result) = self.jobs.join_next() => Happening::JobEnded(result),
+            Some(received) = self.transport.received.recv() => Happening::Arrived(received),
+            Some(event) = inputs.scans.recv() => Happening::Sensed(event),
+            Some(event) = inputs.tags.recv() => Happening::Sensed(event),
+        }
+    }
+
+    /// Everything that came before the tick goes first; then the link's duties, then the tick.
+    fn tick(&mut self, inputs: &mut Inputs) {
+        for _ in 0..MAX_BEFORE_TICK {
+            let Ok(received) = self.transport.received.try_recv() else { break };
+            self.arrived(&received);
+        }
+        for input in [&mut inputs.scans, &mut inputs.tags] {
+            let waiting = std::iter::from_fn(|| input.try_recv().ok());
+            self.events.extend(waiting.take(MAX_BEFORE_TICK));
+        }
+        let now = self.clock.now();
+        self.session.on_time(now, &mut self.out);
+        self.take_output();
+        self.status.stats.ticks_skipped += self.ticker.strike(now);
+        self.status.stats.ticks += 1;
+        self.events.push_back(Event::Ticked(now));
+        if self.status.stats.ticks.is_multiple_of(TICKS_PER_STATUS) {
+            self.show_status(now);
+        }
+    }
+
+    fn arrived(&mut self, received: &Received) {
+        let Received { header, message, arrived } = received;
+        self.session.on_message(header, message, *arrived, &mut self.out);
+        self.take_output();
+    }
+
+    fn job_ended(&mut self, result: Result<(JobId, JobOutput), JoinError>) {
+        match result {
+            Ok((id, output)) => {
+                let (at, output) = (self.clock.now(), Box::new(output));
+                self.events.push_back(Event::Finished { at, id, output });
+            }
+            Err(error) => {
+                self.status.stats.jobs_failed += 1;
+                tracing::error!(%error, "a job died without a result");
+            }
+        }
+    }
+
+    /// Sends the session's messages and queues its events.
+    fn take_output(&mut self) {
+        let header = self.session.header();
+        for message in self.out.messages.drain(..) {
+            if self.transport.outgoing.try_send(Outgoing { header, message }).is_err() {
+                self.status.stats.outgoing_lost += 1;
+            }
+        }
+        self.events.extend(self.out.events.drain(..));
+    }
+
+    /// Steps the brain until no event waits.
+    fn work_off(&mut self) {
+        while let Some(event) = self.events.pop_front() {
+            let seq = self.status.stats.events;
+            self.status.stats.events += 1;
+            self.witness_event(&event);
+            if self.recording.is_some() {
+                self.keep(Record::Event { seq, event: event.clone() });
+            }
+            let mut actions = std::mem::take(&mut self.actions);
+            self.pilot.step(event, &mut actions);
+            for action in actions.drain(..) {
+                self.act(seq, action);
+            }
+            self.actions = actions;
+        }
+    }
+
+    fn act(&mut self, seq: u64, action: Action) {
+        self.witness_action(&action);
+        self.session.on_action(&action, self.clock.now(), &mut self.out);
+        self.take_output();
+        match action {
+            Action::Start { id, job } => {
+                self.start(id, job);
+                self.keep(Record::JobStarted { seq, id });
+            }
+            action => self.keep(Record::Action { seq, action }),
+        }
+    }
+
+    fn start(&mut self, id: JobId, job: Box<Job>) {
+        self.status.stats.jobs_started += 1;
+        self.jobs.spawn_blocking(move || (id, job.run()));
+    }
+
+    fn keep(&mut self, record: Record) {
+        if let Some(recording) = &self.recording
+            && !recording.keep(record)
+        {
+            self.status.stats.records_lost += 1;
+        }
+    }
+
+    fn witness_event(&mut self, event: &Event) {
+        match event {
+            Event::Vehicle(state) => self.status.vehicle = Some(*state),
+            Event::AutopilotLost(_) => tracing::warn!("the autopilot is silent"),
+            Event::Operator(command) => tracing::info!(verb = ?command.verb, "asked by a person"),
+            _ => {}
+        }
+    }
+
+    fn witness_action(&mut self, action: &Action) {
+        match action {
+            Action::PublishOdometry(estimate) => {
+                self.status.position_sigma_m = Some(estimate.position_sigma_m().max());
+            }
+            Action::ReportVolume(report) => self.status.volume = Some(*report),
+            Action::PhaseChanged(change) => {
+                let reason = change.reason.as_str();
+                tracing::info!(from = ?change.from, to = ?change.to, reason, "phase");
+                self.status.phase = Some(change.to);
+                self.show_status(change.at);
+            }
+            Action::Ended(summary) => {
+                self.status.flight = Some(**summary);
+                self.show_status(summary.at);
+            }
+            Action::Say(line) if line.severity <= Severity::Warning => {
+                tracing::warn!(text = line.text.as_str(), "said");
+            }
+            Action::Say(line) => tracing::info!(text = line.text.as_str(), "said"),
+            _ => {}
+        }
+    }
+
+    fn show_status(&mut self, now: Stamp<Mono>) {
+        self.status.stats.link = self.session.stats();
+        self.status.stats.transport = self.transport.stats();
+        self.warn_of_loss(now);
+        self.status_tx.send_replace(self.status.clone());
+    }
+
+    fn warn_of_loss(&mut self, now: Stamp<Mono>) {
+        let (warned_at, lost_before) = self.warned;
+        let lost = self.full_stats().lost();
+        if lost > lost_before && now.since(warned_at) >= WARN_EVERY {
+            tracing::warn!(lost = lost - lost_before, stats = ?self.status.stats, "data was lost");
+            self.warned = (now, lost);
+        }
+    }
+
+    /// The counters with those of the recorder's thread.
+    fn full_stats(&self) -> ServiceStats {
+        let mut stats = self.status.stats;
+        stats.records_lost += self.recording.as_ref().map_or(0, Recording::failed);
+        stats
+    }
+
+    /// Flushes the recorder, joins the transport and the jobs under way.
+    async fn end(mut self) -> ServiceStats {
+        self.show_status(self.clock.now());
+        let mut stats = self.status.stats;
+        if let Some(recording) = self.recording.take() {
+            stats.records_lost += recording.finish().await;
+        }
+        self.jobs.shutdown().await;
+        self.transport.join().await;
+        stats
+    }
+}
