@@ -1,4 +1,4 @@
-//! Serial drivers of 2D LiDARs: bytes in, [`Scan`](crate::messages::Scan)s out.
+//! Serial drivers of 2D LiDAR sensors: bytes in, [`Scan`](crate::messages::Scan)s out.
 //!
 //! ```text
 //! serial port ─ bytes ─▶ ldrobot::Parser ─ Frame ─▶ ScanAssembler ─ Scan ─▶ Event::Scanned

@@ -59,14 +59,10 @@ impl Driver {
             status_tx,
         };
         let baud = reader.settings.effective_baud();
-        let thread = thread::Builder::new()
-            .name("lidar".into())
-            .spawn(move || reader.run(port))
-            .map_err(|error| OpenError::Unusable {
-                port: port_name,
-                baud,
-                cause: error.to_string(),
-            })?;
+        let thread =
+            thread::Builder::new().name("lidar".into()).spawn(move || reader.run(port)).map_err(
+                |error| OpenError::Unusable { port: port_name, baud, cause: error.to_string() },
+            )?;
         Ok(Self { thread: Some(thread), cancel, status })
     }
 

@@ -57,7 +57,7 @@ pub(super) fn open(settings: &Settings) -> Result<TTYPort, OpenError> {
         .timeout(READ_TIMEOUT)
         .open_native()
         .map_err(|error| told(&error, &settings.port, baud))
-        .inspect(|port| drop_stale_input(port))
+        .inspect(drop_stale_input)
 }
 
 /// What the kernel kept from before cannot be stamped.
@@ -71,10 +71,9 @@ fn told(error: &serialport::Error, port: &str, baud: u32) -> OpenError {
     let port = port.to_owned();
     match error.kind() {
         ErrorKind::Io(io::ErrorKind::PermissionDenied) => OpenError::Permission { port },
-        ErrorKind::Io(io::ErrorKind::NotFound) => OpenError::Missing { port },
         // The same kind stands for "no such device" and "locked by another".
         ErrorKind::NoDevice if Path::new(&port).exists() => OpenError::Busy { port },
-        ErrorKind::NoDevice => OpenError::Missing { port },
+        ErrorKind::NoDevice | ErrorKind::Io(io::ErrorKind::NotFound) => OpenError::Missing { port },
         _ => OpenError::Unusable { port, baud, cause: error.to_string() },
     }
 }

@@ -61,10 +61,6 @@ pub struct LidarStatus {
 
 impl Default for LidarStatus {
     fn default() -> Self {
-        Self {
-            health: LidarHealth::Starting,
-            last_frame_at: None,
-            stats: LidarStats::default(),
-        }
+        Self { health: LidarHealth::Starting, last_frame_at: None, stats: LidarStats::default() }
     }
 }

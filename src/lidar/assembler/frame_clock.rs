@@ -62,7 +62,8 @@ impl FrameClock {
             Some((previous, previous_at)) => {
                 self.measure_period(&previous, frame, n_frames);
                 let step_s = f64::from(n_frames) * FRAME_SAMPLES as f64 * self.period_s;
-                let latest = previous_at.plus(Duration::from_secs_f64(step_s * (1.0 + DRIFT_RATIO)));
+                let latest =
+                    previous_at.plus(Duration::from_secs_f64(step_s * (1.0 + DRIFT_RATIO)));
                 if sent_at.since(latest) > PAUSE {
                     self.restarts += 1;
                     sent_at
@@ -85,8 +86,7 @@ impl FrameClock {
         if self.window_s >= PERIOD_WINDOW_S {
             let nominal = self.nominal_period_s;
             let (lo, hi) = (1.0 - PERIOD_TOLERANCE_RATIO, 1.0 + PERIOD_TOLERANCE_RATIO);
-            self.period_s =
-                (self.window_s / self.window_samples).clamp(lo * nominal, hi * nominal);
+            self.period_s = (self.window_s / self.window_samples).clamp(lo * nominal, hi * nominal);
             (self.window_s, self.window_samples) = (0.0, 0.0);
         }
     }

@@ -13,7 +13,8 @@ fn frame(frame_idx: u32) -> Frame {
         speed_deg_per_s: 3600,
         start_cdeg: cdeg(first) % TURN_CDEG,
         end_cdeg: cdeg(first + 11) % TURN_CDEG,
-        timestamp_ms: ((f64::from(first) / 4.5 + 29_900.0) as u32 % u32::from(CLOCK_WRAP_MS)) as u16,
+        timestamp_ms: ((f64::from(first) / 4.5 + 29_900.0) as u32 % u32::from(CLOCK_WRAP_MS))
+            as u16,
         samples: std::array::from_fn(|i| Sample {
             range_mm: (first as usize + i) as u16,
             intensity: 9,
@@ -89,14 +90,15 @@ fn a_stalled_reader_bends_no_stamps() {
 #[test]
 fn stamps_never_go_back() {
     // Every fifth frame comes 2 ms late, every seventh chunk 40 ms.
-    let late = |i: u32| arrival(i).plus(Duration::from_millis(match (i % 5, i % 7) {
-        (_, 0) => 40,
-        (0, _) => 2,
-        _ => 0,
-    }));
+    let late = |i: u32| {
+        arrival(i).plus(Duration::from_millis(match (i % 5, i % 7) {
+            (_, 0) => 40,
+            (0, _) => 2,
+            _ => 0,
+        }))
+    };
     let (scans, _) = assemble((0..400).map(|i| (i, late(i))));
-    let stamps: Vec<_> =
-        scans.iter().flat_map(|s| s.beams.iter().map(|b| s.beam_at(b))).collect();
+    let stamps: Vec<_> = scans.iter().flat_map(|s| s.beams.iter().map(|b| s.beam_at(b))).collect();
     assert!(stamps.is_sorted());
     assert_eq!(stamps.len(), 4800);
 }

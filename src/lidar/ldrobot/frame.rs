@@ -76,7 +76,8 @@ impl Frame {
     /// Angle from the first to the last sample, 0.01°, in [0, 360°).
     #[must_use]
     pub const fn span_cdeg(&self) -> u16 {
-        (self.end_cdeg % TURN_CDEG + TURN_CDEG - self.start_cdeg % TURN_CDEG) % TURN_CDEG
+        let (start, end) = (self.start_cdeg % TURN_CDEG, self.end_cdeg % TURN_CDEG);
+        if end >= start { end - start } else { TURN_CDEG - (start - end) }
     }
 
     /// Angle of one sample, °, clockwise from the front mark, in [0, 360).
