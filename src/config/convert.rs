@@ -1,0 +1,441 @@
+//! From the file's twin to the settings of the modules, with every number checked.
+
+use super::error::ConfigError;
+use super::file::{
+    CameraSection, Config, MountSection, PlannerName, RectSection, SmoothnessName,
+    VarianceUpdateName, VolumeVarianceName,
+};
+use crate::geometry::{Body, Camera, Frame, Point, Rotation, Transform};
+use crate::localization::camera_model::CameraModel;
+use crate::localization::filter::ImuNoise;
+use crate::localization::marker_map::MarkerMap;
+use crate::localization::{self, vision_fix};
+use crate::mapping::projection::LidarMount;
+use crate::mapping::region::{Rect, Region};
+use crate::mapping::{self, VolumeVariance, kalman_grid, sparse_gp};
+use crate::messages::TagFamily;
+use crate::planning::trajectory::Limits;
+use crate::planning::{self, PlannerKind};
+use crate::units::rad_from_deg;
+use crate::{camera, lidar, link, mission, pilot};
+use std::f64::consts::FRAC_PI_2;
+use std::time::Duration;
+
+/// A number inside its range, or the error that names key, value and range.
+fn within(
+    key: &str,
+    value: f64,
+    (low, high): (f64, f64),
+    unit: &'static str,
+) -> Result<f64, ConfigError> {
+    if (low..=high).contains(&value) {
+        Ok(value)
+    } else {
+        Err(ConfigError::OutOfRange { key: key.to_owned(), value, unit, low, high })
+    }
+}
+
+fn seconds(key: &str, value_s: f64, range_s: (f64, f64)) -> Result<Duration, ConfigError> {
+    within(key, value_s, range_s, "s").map(Duration::from_secs_f64)
+}
+
+fn invalid(key: &str, message: impl Into<String>) -> ConfigError {
+    ConfigError::Invalid { key: key.to_owned(), message: message.into() }
+}
+
+impl Config {
+    /// The brain's settings.
+    ///
+    /// # Errors
+    /// The first value that is out of range or does not fit the others.
+    pub fn pilot_settings(&self) -> Result<pilot::Settings, ConfigError> {
+        Ok(pilot::Settings {
+            localization: self.localization_settings()?,
+            mapping: self.mapping_settings()?,
+            planning: self.planning_settings()?,
+            mission: self.mission_settings()?,
+            solve_interval: seconds(
+                "surface.solve_interval_s",
+                self.surface.solve_interval_s,
+                (0.2, 60.0),
+            )?,
+            report_interval: seconds(
+                "surface.report_interval_s",
+                self.surface.report_interval_s,
+                (0.1, 60.0),
+            )?,
+        })
+    }
+
+    /// The link's settings.
+    ///
+    /// # Errors
+    /// A malformed address, or a rate out of range.
+    pub fn link_settings(&self) -> Result<link::Settings, ConfigError> {
+        let address = self
+            .link
+            .address
+            .parse()
+            .map_err(|error: link::AddressError| invalid("link.address", error.to_string()))?;
+        let rate = |key, value| within(key, value, (1.0, 1000.0), "Hz");
+        Ok(link::Settings {
+            address,
+            imu_rate_hz: rate("link.imu_rate_hz", self.link.imu_rate_hz)?,
+            autopilot_pose_rate_hz: rate(
+                "link.autopilot_pose_rate_hz",
+                self.link.autopilot_pose_rate_hz,
+            )?,
+        })
+    }
+
+    /// The LiDAR driver's settings.
+    ///
+    /// # Errors
+    /// An unknown model, no port, or a baud rate out of range.
+    pub fn lidar_settings(&self) -> Result<lidar::Settings, ConfigError> {
+        let model = lidar::Model::from_name(&self.lidar.model).ok_or_else(|| {
+            invalid("lidar.model", format!("{:?} is not ld19 or stl27l", self.lidar.model))
+        })?;
+        lidar::Settings { port: self.lidar.port.clone(), model, baud: self.lidar.baud }
+            .validated()
+            .map_err(|error| invalid("lidar", error.to_string()))
+    }
+
+    /// The detection listener's settings.
+    ///
+    /// # Errors
+    /// A malformed address.
+    pub fn camera_settings(&self) -> Result<camera::Settings, ConfigError> {
+        let address = detections_address(&self.detections)?;
+        let image_sizes_px = self.cameras.iter().map(|camera| camera.size_px).collect();
+        Ok(camera::Settings { address, image_sizes_px })
+    }
+
+    /// The effective configuration as TOML.
+    ///
+    /// # Errors
+    /// [`ConfigError::Print`] for a path that is not UTF-8.
+    pub fn to_toml(&self) -> Result<String, ConfigError> {
+        Ok(toml::to_string_pretty(self)?)
+    }
+
+    fn localization_settings(&self) -> Result<localization::Settings, ConfigError> {
+        let f = &self.filter;
+        if self.cameras.is_empty() {
+            return Err(invalid("cameras", "there must be at least one camera"));
+        }
+        let cameras = self.cameras.iter().enumerate().map(|(k, c)| camera_model(k, c));
+        let density = |key, value| within(key, value, (1e-8, 10.0), "1/√Hz");
+        Ok(localization::Settings {
+            cameras: cameras.collect::<Result<_, _>>()?,
+            marker_map: self.marker_map()?,
+            vision: vision_fix::Settings {
+                corner_sigma_px: within(
+                    "filter.corner_sigma_px",
+                    f.corner_sigma_px,
+                    (0.01, 20.0),
+                    "px",
+                )?,
+                max_position_sigma_m: within(
+                    "filter.max_fix_sigma_m",
+                    f.max_fix_sigma_m,
+                    (0.01, 10.0),
+                    "m",
+                )?,
+            },
+            imu_noise: ImuNoise {
+                accel_density_mps2_rthz: density(
+                    "filter.accel_density_mps2_rthz",
+                    f.accel_density_mps2_rthz,
+                )?,
+                gyro_density_radps_rthz: density(
+                    "filter.gyro_density_radps_rthz",
+                    f.gyro_density_radps_rthz,
+                )?,
+                accel_walk_mps2_rts: density("filter.accel_walk_mps2_rts", f.accel_walk_mps2_rts)?,
+                gyro_walk_radps_rts: density("filter.gyro_walk_radps_rts", f.gyro_walk_radps_rts)?,
+            },
+            ring_span: seconds("filter.ring_span_s", f.ring_span_s, (0.3, 5.0))?,
+            lost_after: seconds("filter.lost_after_s", f.lost_after_s, (0.2, 10.0))?,
+            lost_sigma_m: within("filter.lost_sigma_m", f.lost_sigma_m, (0.02, 5.0), "m")?,
+        })
+    }
+
+    fn marker_map(&self) -> Result<MarkerMap, ConfigError> {
+        let mut map = MarkerMap::default();
+        for tag in &self.tags {
+            let family = TagFamily::from_name(&tag.family).ok_or_else(|| {
+                invalid("tags.family", format!("{:?} is not 36h11, 25h9 or 16h5", tag.family))
+            })?;
+            map.insert(family, tag.id, tag.corners_m.map(|[x, y, z]| Point::new(x, y, z)))?;
+        }
+        if map.is_empty() {
+            return Err(invalid("tags", "without tags the vehicle cannot know where it is"));
+        }
+        Ok(map)
+    }
+
+    fn mapping_settings(&self) -> Result<mapping::Settings, ConfigError> {
+        let (s, hall) = (&self.surface, &self.hall);
+        let bounds = rect("hall.region", &hall.region)?;
+        let (width_m, depth_m) = bounds.size_m();
+        let cell_m = within("surface.cell_m", s.cell_m, (0.05, 5.0), "m")?;
+        let n_cells = width_m * depth_m / (cell_m * cell_m);
+        within("cells of the region", n_cells, (1.0, 1e6), "")?;
+        let exclusions = hall.exclusions.iter().map(|e| rect("hall.exclusions", e));
+        let region = Region {
+            bounds,
+            exclusions: exclusions.collect::<Result<_, _>>()?,
+            exclusion_margin_m: within(
+                "hall.exclusion_margin_m",
+                hall.exclusion_margin_m,
+                (0.0, 2.0),
+                "m",
+            )?,
+        };
+        let kalman_grid = self.kalman_grid_settings()?;
+        Ok(mapping::Settings {
+            region,
+            cell_m,
+            base_height_m: within("hall.base_height_m", hall.base_height_m, (-100.0, 100.0), "m")?,
+            below_base_m: 0.5,
+            max_height_m: within(
+                "hall.max_pile_height_m",
+                hall.max_pile_height_m,
+                (0.1, 100.0),
+                "m",
+            )?,
+            lidar: self.lidar_mount()?,
+            kalman_grid,
+            gp: sparse_gp::Settings {
+                smoothness: match s.smoothness {
+                    SmoothnessName::Half => sparse_gp::Smoothness::Half,
+                    SmoothnessName::ThreeHalves => sparse_gp::Smoothness::ThreeHalves,
+                    SmoothnessName::FiveHalves => sparse_gp::Smoothness::FiveHalves,
+                },
+                length_scale_m: kalman_grid.length_scale_m,
+                reach: kalman_grid.reach,
+                sigma_m: kalman_grid.prior_sigma_m,
+                mean_m: kalman_grid.prior_height_m,
+                cut: if s.has_literal_cut {
+                    sparse_gp::Cut::Literal
+                } else {
+                    sparse_gp::Cut::Taper
+                },
+            },
+            volume_variance: match s.volume_variance {
+                VolumeVarianceName::Printed => VolumeVariance::Printed,
+                VolumeVarianceName::Full => VolumeVariance::Full,
+            },
+            max_position_sigma_m: within(
+                "surface.max_position_sigma_m",
+                s.max_position_sigma_m,
+                (0.01, 5.0),
+                "m",
+            )?,
+        })
+    }
+
+    fn kalman_grid_settings(&self) -> Result<kalman_grid::Settings, ConfigError> {
+        let s = &self.surface;
+        Ok(kalman_grid::Settings {
+            length_scale_m: within("surface.length_scale_m", s.length_scale_m, (0.05, 50.0), "m")?,
+            reach: within("surface.reach", s.reach, (0.1, 10.0), "l")?,
+            slope_sigma: within("surface.slope_sigma", s.slope_sigma, (0.01, 5.0), "")?,
+            prior_height_m: within(
+                "surface.prior_height_m",
+                s.prior_height_m,
+                (-100.0, 100.0),
+                "m",
+            )?,
+            prior_sigma_m: within("surface.prior_sigma_m", s.prior_sigma_m, (0.01, 100.0), "m")?,
+            variance_update: match s.variance_update {
+                VarianceUpdateName::Printed => kalman_grid::VarianceUpdate::Printed,
+                VarianceUpdateName::Kalman => kalman_grid::VarianceUpdate::Kalman,
+            },
+        })
+    }
+
+    fn lidar_mount(&self) -> Result<LidarMount, ConfigError> {
+        let l = &self.lidar;
+        let mut blind_sectors_rad = Vec::new();
+        for [from_deg, to_deg] in &l.blind_sectors_deg {
+            let from = within("lidar.blind_sectors_deg", *from_deg, (-180.0, 180.0), "deg")?;
+            let to = within("lidar.blind_sectors_deg", *to_deg, (from, 180.0), "deg")?;
+            blind_sectors_rad.push((rad_from_deg(from), rad_from_deg(to)));
+        }
+        let min_range_m = within("lidar.min_range_m", l.min_range_m, (0.0, 100.0), "m")?;
+        let angle_sigma_deg =
+            within("lidar.angle_sigma_deg", l.angle_sigma_deg, (0.0, 10.0), "deg")?;
+        Ok(LidarMount {
+            body_from_lidar: mount("lidar.mount", &l.mount)?,
+            range_sigma_m: within("lidar.range_sigma_m", l.range_sigma_m, (1e-4, 1.0), "m")?,
+            angle_sigma_rad: rad_from_deg(angle_sigma_deg),
+            min_range_m,
+            max_range_m: within("lidar.max_range_m", l.max_range_m, (min_range_m, 200.0), "m")?,
+            blind_sectors_rad,
+        })
+    }
+
+    fn planning_settings(&self) -> Result<planning::Settings, ConfigError> {
+        let p = &self.planning;
+        let region = rect("hall.region", &self.hall.region)?;
+        let (width_m, depth_m) = region.size_m();
+        let widest_m = width_m.min(depth_m) / 2.0 - 0.1;
+        let inset_m = within("planning.inset_m", p.inset_m, (-5.0, widest_m), "m")?;
+        let lowest_m = self.hall.max_pile_height_m;
+        let metres = |key, value, range| within(key, value, range, "m");
+        #[expect(clippy::cast_precision_loss, reason = "only its size is judged")]
+        within("planning.n_steps", p.n_steps as f64, (1.0, 10_000.0), "")?;
+        Ok(planning::Settings {
+            planner: match p.planner {
+                PlannerName::SquareWave => PlannerKind::SquareWave,
+                PlannerName::Greedy => PlannerKind::Greedy,
+            },
+            n_steps: p.n_steps,
+            height_m: metres("planning.height_m", p.height_m, (lowest_m, 100.0))?,
+            yaw_rad: rad_from_deg(within("planning.yaw_deg", p.yaw_deg, (-360.0, 360.0), "deg")?),
+            bounds: Rect {
+                x_min_m: region.x_min_m + inset_m,
+                y_min_m: region.y_min_m + inset_m,
+                x_max_m: region.x_max_m - inset_m,
+                y_max_m: region.y_max_m - inset_m,
+            },
+            leg_spacing_m: metres("planning.leg_spacing_m", p.leg_spacing_m, (0.2, 100.0))?,
+            step_radius_m: metres("planning.step_radius_m", p.step_radius_m, (0.2, 100.0))?,
+            candidate_spacing_m: metres(
+                "planning.candidate_spacing_m",
+                p.candidate_spacing_m,
+                (0.2, p.step_radius_m),
+            )?,
+            nominal_height_m: self.surface.prior_height_m,
+            swath_half_angle_rad: rad_from_deg(within(
+                "planning.swath_half_angle_deg",
+                p.swath_half_angle_deg,
+                (1.0, 85.0),
+                "deg",
+            )?),
+            min_fix_quality: within(
+                "planning.min_fix_quality",
+                p.min_fix_quality,
+                (0.0, 1e6),
+                "1/√(m² + rad²)",
+            )?,
+            limits: Limits {
+                speed_mps: within("planning.max_speed_mps", p.max_speed_mps, (0.1, 15.0), "m/s")?,
+                accel_mps2: within(
+                    "planning.max_accel_mps2",
+                    p.max_accel_mps2,
+                    (0.1, 10.0),
+                    "m/s²",
+                )?,
+            },
+        })
+    }
+
+    fn mission_settings(&self) -> Result<mission::Settings, ConfigError> {
+        let m = &self.mission;
+        let ratio = |key, percent, high| {
+            within(key, percent, (0.0, high), "%").map(|percent: f64| percent / 100.0)
+        };
+        let land = m.land_battery_percent;
+        let back = m.return_battery_percent;
+        Ok(mission::Settings {
+            min_take_off_battery_ratio: ratio(
+                "mission.min_take_off_battery_percent",
+                m.min_take_off_battery_percent,
+                100.0,
+            )?,
+            return_battery_ratio: ratio("mission.return_battery_percent", back, 100.0)?,
+            land_battery_ratio: ratio("mission.land_battery_percent", land, back)?,
+            preflight_timeout: seconds(
+                "mission.preflight_timeout_s",
+                m.preflight_timeout_s,
+                (5.0, 600.0),
+            )?,
+            land_after_fix_lost: seconds(
+                "mission.land_after_fix_lost_s",
+                m.land_after_fix_lost_s,
+                (0.5, 60.0),
+            )?,
+            return_after_lidar_lost: seconds(
+                "mission.return_after_lidar_lost_s",
+                m.return_after_lidar_lost_s,
+                (0.5, 600.0),
+            )?,
+            ..mission::Settings::default()
+        })
+    }
+}
+
+/// `udp:HOST:PORT`, `unix:PATH` (datagrams) or `unix-stream:PATH`.
+fn detections_address(text: &str) -> Result<camera::Address, ConfigError> {
+    let refuse = || {
+        let message = format!("{text:?} is not udp:HOST:PORT, unix:PATH or unix-stream:PATH");
+        invalid("detections", message)
+    };
+    match text.split_once(':') {
+        Some(("udp", address)) => address.parse().map(camera::Address::Udp).map_err(|_| refuse()),
+        Some(("unix", path)) if !path.is_empty() => Ok(camera::Address::UnixDatagram(path.into())),
+        Some(("unix-stream", path)) if !path.is_empty() => {
+            Ok(camera::Address::UnixStream(path.into()))
+        }
+        _ => Err(refuse()),
+    }
+}
+
+fn rect(key: &str, r: &RectSection) -> Result<Rect, ConfigError> {
+    let place = |value| within(key, value, (-10_000.0, 10_000.0), "m");
+    let (x_min_m, y_min_m) = (place(r.x_min_m)?, place(r.y_min_m)?);
+    Ok(Rect {
+        x_min_m,
+        y_min_m,
+        x_max_m: within(key, r.x_max_m, (x_min_m + 0.01, 10_000.0), "m")?,
+        y_max_m: within(key, r.y_max_m, (y_min_m + 0.01, 10_000.0), "m")?,
+    })
+}
+
+/// Pose of a sensor on the body.
+fn mount<F: Frame>(key: &str, m: &MountSection) -> Result<Transform<Body, F>, ConfigError> {
+    for value in m.position_m {
+        within(key, value, (-5.0, 5.0), "m")?;
+    }
+    for value in m.rotation_deg {
+        within(key, value, (-360.0, 360.0), "deg")?;
+    }
+    let [roll, pitch, yaw] = m.rotation_deg.map(rad_from_deg);
+    let [x, y, z] = m.position_m;
+    Ok(Transform::new(Rotation::from_euler_rad(roll, pitch, yaw), Point::new(x, y, z)))
+}
+
+fn camera_model(index: usize, c: &CameraSection) -> Result<CameraModel, ConfigError> {
+    let key = |name: &str| format!("cameras[{index}].{name}");
+    let [width_px, height_px] = c.size_px;
+    for size in c.size_px {
+        within(&key("size_px"), f64::from(size), (16.0, 20_000.0), "px")?;
+    }
+    for focal in c.focal_px {
+        within(&key("focal_px"), focal, (10.0, 100_000.0), "px")?;
+    }
+    for principal in c.principal_px {
+        within(&key("principal_px"), principal, (0.0, 20_000.0), "px")?;
+    }
+    for coefficient in c.distortion {
+        within(&key("distortion"), coefficient, (-10.0, 10.0), "")?;
+    }
+    let [k1, k2, p1, p2] = c.distortion;
+    let forward: Transform<Body, Body> = mount(&key("mount"), &c.mount)?;
+    // z_c = forward, x_c = right = −left, y_c = down = −up.
+    let looking_forward = Rotation::<Body, Camera>::from_euler_rad(-FRAC_PI_2, 0.0, -FRAC_PI_2);
+    Ok(CameraModel {
+        width_px,
+        height_px,
+        fx_px: c.focal_px[0],
+        fy_px: c.focal_px[1],
+        cx_px: c.principal_px[0],
+        cy_px: c.principal_px[1],
+        radial: [k1, k2],
+        tangential: [p1, p2],
+        body_from_camera: Transform::new(forward.rotation * looking_forward, forward.origin),
+    })
+}

@@ -1,0 +1,426 @@
+//! The twin of the configuration file.
+
+use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
+
+/// The whole file.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Config {
+    /// What is measured.
+    pub hall: HallSection,
+    /// The way to the autopilot.
+    #[serde(default)]
+    pub link: LinkSection,
+    /// The 2D LiDAR.
+    pub lidar: LidarSection,
+    /// The filter.
+    #[serde(default)]
+    pub filter: FilterSection,
+    /// The surface.
+    #[serde(default)]
+    pub surface: SurfaceSection,
+    /// Waypoints and trajectory.
+    #[serde(default)]
+    pub planning: PlanningSection,
+    /// Times and levels of the mission.
+    #[serde(default)]
+    pub mission: MissionSection,
+    /// The flight log.
+    #[serde(default)]
+    pub log: LogSection,
+    /// Address where marker detections come in: `udp:HOST:PORT`, `unix:PATH` or
+    /// `unix-stream:PATH`.
+    #[serde(default = "default_detections")]
+    pub detections: String,
+    /// The cameras, numbered from 0.
+    pub cameras: Vec<CameraSection>,
+    /// Where the tags hang.
+    pub tags: Vec<TagSection>,
+}
+
+fn default_detections() -> String {
+    "udp:127.0.0.1:5600".to_owned()
+}
+
+/// A rectangle along the hall's axes.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RectSection {
+    /// Smallest x, m.
+    pub x_min_m: f64,
+    /// Smallest y, m.
+    pub y_min_m: f64,
+    /// Largest x, m.
+    pub x_max_m: f64,
+    /// Largest y, m.
+    pub y_max_m: f64,
+}
+
+/// What is measured.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct HallSection {
+    /// The region of interest.
+    pub region: RectSection,
+    /// Height of the floor under the material, m.
+    #[serde(default)]
+    pub base_height_m: f64,
+    /// No pile is higher than this, m.
+    pub max_pile_height_m: f64,
+    /// Footprints of walls and machines, not measured.
+    #[serde(default)]
+    pub exclusions: Vec<RectSection>,
+    /// Hits this close to an exclusion are left out, m.
+    #[serde(default = "default_exclusion_margin_m")]
+    pub exclusion_margin_m: f64,
+}
+
+const fn default_exclusion_margin_m() -> f64 {
+    0.12
+}
+
+/// The way to the autopilot.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct LinkSection {
+    /// `udpin:HOST:PORT`, `udpout:HOST:PORT`, `tcpout:HOST:PORT` or `serial:PATH:BAUD`.
+    pub address: String,
+    /// Inertial samples asked of the autopilot, Hz.
+    pub imu_rate_hz: f64,
+    /// Positions asked of the autopilot, Hz.
+    pub autopilot_pose_rate_hz: f64,
+}
+
+impl Default for LinkSection {
+    fn default() -> Self {
+        Self {
+            address: "udpin:0.0.0.0:14540".to_owned(),
+            imu_rate_hz: 200.0,
+            autopilot_pose_rate_hz: 10.0,
+        }
+    }
+}
+
+/// Where a sensor is bolted to the body.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MountSection {
+    /// Its origin, forward, left, up of the IMU, m.
+    pub position_m: [f64; 3],
+    /// Roll, pitch, yaw, applied as yaw, then pitch, then roll, deg.
+    pub rotation_deg: [f64; 3],
+}
+
+/// The 2D LiDAR.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LidarSection {
+    /// `ld19` or `stl27l`.
+    pub model: String,
+    /// The serial port; a link under `/dev/serial/by-id` survives unplugging.
+    pub port: String,
+    /// Line speed, baud; the model's own if left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub baud: Option<u32>,
+    /// Where it is bolted; at 0, 90, 0 degrees its zero beam looks straight down.
+    pub mount: MountSection,
+    /// Standard deviation of a range, m.
+    #[serde(default = "default_range_sigma_m")]
+    pub range_sigma_m: f64,
+    /// Standard deviation of a beam's direction, deg.
+    #[serde(default = "default_angle_sigma_deg")]
+    pub angle_sigma_deg: f64,
+    /// Shorter returns are not trusted, m.
+    #[serde(default = "default_min_range_m")]
+    pub min_range_m: f64,
+    /// Longer returns are not trusted, m.
+    pub max_range_m: f64,
+    /// Sectors [from, to] of the beam angle that the own body hides, deg, −180 to 180.
+    #[serde(default)]
+    pub blind_sectors_deg: Vec<[f64; 2]>,
+}
+
+const fn default_range_sigma_m() -> f64 {
+    0.012
+}
+
+const fn default_angle_sigma_deg() -> f64 {
+    0.1
+}
+
+const fn default_min_range_m() -> f64 {
+    0.15
+}
+
+/// The filter.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct FilterSection {
+    /// Standard deviation of a detected corner, px.
+    pub corner_sigma_px: f64,
+    /// A single fix less certain than this is not observable, m.
+    pub max_fix_sigma_m: f64,
+    /// Accelerometer noise with vibration, m/s²/√Hz.
+    pub accel_density_mps2_rthz: f64,
+    /// Gyroscope noise with vibration, rad/s/√Hz.
+    pub gyro_density_radps_rthz: f64,
+    /// Accelerometer bias walk, m/s²/√s.
+    pub accel_walk_mps2_rts: f64,
+    /// Gyroscope bias walk, rad/s/√s.
+    pub gyro_walk_radps_rts: f64,
+    /// Late frames are taken in this far back, s.
+    pub ring_span_s: f64,
+    /// Without a fix for this long the position counts as lost, s.
+    pub lost_after_s: f64,
+    /// A position less certain than this counts as lost, m.
+    pub lost_sigma_m: f64,
+}
+
+impl Default for FilterSection {
+    fn default() -> Self {
+        Self {
+            corner_sigma_px: 0.4,
+            max_fix_sigma_m: 0.5,
+            accel_density_mps2_rthz: 0.01,
+            gyro_density_radps_rthz: 5e-4,
+            accel_walk_mps2_rts: 5e-4,
+            gyro_walk_radps_rts: 2e-5,
+            ring_span_s: 1.0,
+            lost_after_s: 1.5,
+            lost_sigma_m: 0.25,
+        }
+    }
+}
+
+/// Which surface is kept.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SurfaceName {
+    /// The paper's height grid.
+    KalmanGrid,
+}
+
+/// Which law shrinks a cell's uncertainty.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum VarianceUpdateName {
+    /// σ ← (1 − K) σ.
+    Printed,
+    /// σ² ← (1 − K) σ².
+    Kalman,
+}
+
+/// How the cells' variances become the volume's.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum VolumeVarianceName {
+    /// Marginals added.
+    Printed,
+    /// The variance of the sum.
+    Full,
+}
+
+/// Smoothness ν of the field.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum SmoothnessName {
+    /// ν = 1/2.
+    #[serde(rename = "1/2")]
+    Half,
+    /// ν = 3/2.
+    #[serde(rename = "3/2")]
+    ThreeHalves,
+    /// ν = 5/2.
+    #[serde(rename = "5/2")]
+    FiveHalves,
+}
+
+/// The surface.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SurfaceSection {
+    /// Which surface.
+    pub method: SurfaceName,
+    /// Edge of a cell, m.
+    pub cell_m: f64,
+    /// Length scale l, m.
+    pub length_scale_m: f64,
+    /// Reach γ in length scales.
+    pub reach: f64,
+    /// Standard deviation σ_t of the terrain's slope, no unit.
+    pub slope_sigma: f64,
+    /// Height expected before anything is seen, m.
+    pub prior_height_m: f64,
+    /// Standard deviation σ_f of that expectation, m.
+    pub prior_sigma_m: f64,
+    /// Smoothness ν of the field between the cells.
+    pub smoothness: SmoothnessName,
+    /// The kernel is cut at its reach as printed, without the taper that keeps it valid.
+    pub has_literal_cut: bool,
+    /// Which law shrinks a cell's uncertainty.
+    pub variance_update: VarianceUpdateName,
+    /// How the cells' variances become the volume's.
+    pub volume_variance: VolumeVarianceName,
+    /// Beams are not used while the position is less certain than this, m.
+    pub max_position_sigma_m: f64,
+    /// The surface is solved this often in flight, s.
+    pub solve_interval_s: f64,
+    /// The volume is reported this often, s.
+    pub report_interval_s: f64,
+}
+
+impl Default for SurfaceSection {
+    fn default() -> Self {
+        Self {
+            method: SurfaceName::KalmanGrid,
+            cell_m: 0.25,
+            length_scale_m: 0.5,
+            reach: 1.5,
+            slope_sigma: 0.6,
+            prior_height_m: 1.5,
+            prior_sigma_m: 1.5,
+            smoothness: SmoothnessName::ThreeHalves,
+            has_literal_cut: false,
+            variance_update: VarianceUpdateName::Kalman,
+            volume_variance: VolumeVarianceName::Full,
+            max_position_sigma_m: 0.15,
+            solve_interval_s: 5.0,
+            report_interval_s: 1.0,
+        }
+    }
+}
+
+/// Who chooses the waypoints.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum PlannerName {
+    /// Parallel legs at equal distance.
+    SquareWave,
+    /// The paper's one-step planner.
+    Greedy,
+}
+
+/// Waypoints and trajectory.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct PlanningSection {
+    /// Who chooses the waypoints.
+    pub planner: PlannerName,
+    /// Waypoints of a survey.
+    pub n_steps: usize,
+    /// Height of the flight over the hall floor, m.
+    pub height_m: f64,
+    /// Heading during the survey, deg, from x towards y.
+    pub yaw_deg: f64,
+    /// Waypoints keep this distance inside the region's border, m; negative flies beyond it.
+    pub inset_m: f64,
+    /// Distance of neighbouring legs of the square wave, m.
+    pub leg_spacing_m: f64,
+    /// How far the greedy planner looks, R, m.
+    pub step_radius_m: f64,
+    /// Distance of neighbouring candidate waypoints, m.
+    pub candidate_spacing_m: f64,
+    /// Predicted beams reach this far from straight down, deg.
+    pub swath_half_angle_deg: f64,
+    /// Waypoints need a quality of fix above τ, 1/√(m² + rad²).
+    pub min_fix_quality: f64,
+    /// Largest speed, m/s.
+    pub max_speed_mps: f64,
+    /// Largest acceleration, m/s².
+    pub max_accel_mps2: f64,
+}
+
+impl Default for PlanningSection {
+    fn default() -> Self {
+        Self {
+            planner: PlannerName::Greedy,
+            n_steps: 50,
+            height_m: 7.0,
+            yaw_deg: 0.0,
+            inset_m: 1.0,
+            leg_spacing_m: 5.0,
+            step_radius_m: 2.0,
+            candidate_spacing_m: 1.0,
+            swath_half_angle_deg: 50.0,
+            min_fix_quality: 8.0,
+            max_speed_mps: 2.0,
+            max_accel_mps2: 1.5,
+        }
+    }
+}
+
+/// Times and levels of the mission.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct MissionSection {
+    /// No take-off below this state of charge, %.
+    pub min_take_off_battery_percent: f64,
+    /// Below this the survey ends and the vehicle returns, %.
+    pub return_battery_percent: f64,
+    /// Below this it lands where it is, %.
+    pub land_battery_percent: f64,
+    /// Preflight gives up after this long, s.
+    pub preflight_timeout_s: f64,
+    /// Without a position for this long in a hold it lands, s.
+    pub land_after_fix_lost_s: f64,
+    /// Without LiDAR for this long in a hold it returns, s.
+    pub return_after_lidar_lost_s: f64,
+}
+
+impl Default for MissionSection {
+    fn default() -> Self {
+        Self {
+            min_take_off_battery_percent: 40.0,
+            return_battery_percent: 25.0,
+            land_battery_percent: 12.0,
+            preflight_timeout_s: 60.0,
+            land_after_fix_lost_s: 5.0,
+            return_after_lidar_lost_s: 10.0,
+        }
+    }
+}
+
+/// The flight log.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct LogSection {
+    /// Where logs are written.
+    pub directory: PathBuf,
+}
+
+impl Default for LogSection {
+    fn default() -> Self {
+        Self { directory: PathBuf::from("logs") }
+    }
+}
+
+/// One camera.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CameraSection {
+    /// Width and height, px.
+    pub size_px: [u32; 2],
+    /// Focal lengths along u and v, px.
+    pub focal_px: [f64; 2],
+    /// Principal point, px.
+    pub principal_px: [f64; 2],
+    /// k1, k2, p1, p2 in the order of OpenCV.
+    #[serde(default)]
+    pub distortion: [f64; 4],
+    /// Where it is bolted; at 0, 0, 0 degrees it looks forward with an upright image, and
+    /// positive pitch looks down.
+    pub mount: MountSection,
+}
+
+/// One tag.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TagSection {
+    /// `36h11`, `25h9` or `16h5`.
+    pub family: String,
+    /// The number inside the family.
+    pub id: u32,
+    /// Lower left, lower right, upper right, upper left corner of the upright tag seen from its
+    /// front, in the hall, m.
+    pub corners_m: [[f64; 3]; 4],
+}

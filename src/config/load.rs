@@ -1,0 +1,127 @@
+//! Reading the file and laying environment and flags over it.
+
+use super::error::ConfigError;
+use super::file::Config;
+use std::path::Path;
+
+/// Prefix of the environment variables that override the file.
+const ENVIRONMENT_PREFIX: &str = "STOCKPILOT";
+
+impl Config {
+    /// Parses a file's text strictly: unknown keys and wrong types are errors with their place.
+    ///
+    /// # Errors
+    /// [`ConfigError::File`] names `path`, line and column.
+    pub fn from_toml(text: &str, path: &Path) -> Result<Self, ConfigError> {
+        toml::from_str(text).map_err(|error| ConfigError::File {
+            path: path.to_owned(),
+            message: error.to_string(),
+        })
+    }
+}
+
+/// Reads a file and lays the environment and `section.key=value` overrides over it.
+///
+/// # Errors
+/// An unreadable file, anything [`Config::from_toml`] refuses, an override of an unknown key.
+pub fn load(path: &Path, overrides: &[String]) -> Result<Config, ConfigError> {
+    let text = std::fs::read_to_string(path)
+        .map_err(|source| ConfigError::Unreadable { path: path.to_owned(), source })?;
+    // The layering below converts silently ("115200" and 1.7 become integers), so the file is
+    // judged strictly first.
+    Config::from_toml(&text, path)?;
+    layered(&text, config::Environment::default(), overrides)
+}
+
+fn layered(
+    text: &str,
+    environment: config::Environment,
+    overrides: &[String],
+) -> Result<Config, ConfigError> {
+    let refuse = |error: config::ConfigError| ConfigError::Override(error.to_string());
+    let environment = environment_named(environment);
+    let mut builder = config::Config::builder()
+        .add_source(config::File::from_str(text, config::FileFormat::Toml))
+        .add_source(environment);
+    for assignment in overrides {
+        let (key, value) = assignment.split_once('=').ok_or_else(|| {
+            ConfigError::Override(format!("{assignment:?} is not of the form section.key=value"))
+        })?;
+        builder = builder.set_override(key.trim(), value.trim()).map_err(refuse)?;
+    }
+    builder.build().and_then(config::Config::try_deserialize).map_err(refuse)
+}
+
+fn environment_named(environment: config::Environment) -> config::Environment {
+    environment.prefix(ENVIRONMENT_PREFIX).prefix_separator("__").separator("__").try_parsing(true)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::PlannerName;
+    use std::collections::BTreeMap;
+
+    const EXAMPLE: &str = include_str!("../../deploy/config.example.toml");
+
+    fn with_environment(pairs: &[(&str, &str)], overrides: &[&str]) -> Result<Config, ConfigError> {
+        let source: BTreeMap<String, String> =
+            pairs.iter().map(|(k, v)| ((*k).to_owned(), (*v).to_owned())).collect();
+        let overrides: Vec<String> = overrides.iter().map(|&o| o.to_owned()).collect();
+        let source = source.into_iter().collect();
+        layered(EXAMPLE, config::Environment::default().source(Some(source)), &overrides)
+    }
+
+    #[test]
+    fn flags_override_the_environment_and_that_the_file() {
+        let from_env =
+            with_environment(&[("STOCKPILOT__PLANNING__N_STEPS", "40")], &[]).expect("valid");
+        assert_eq!(from_env.planning.n_steps, 40);
+        let from_flag = with_environment(
+            &[("STOCKPILOT__PLANNING__N_STEPS", "40")],
+            &["planning.n_steps=30", "planning.planner=square-wave"],
+        )
+        .expect("valid");
+        assert_eq!(from_flag.planning.n_steps, 30);
+        assert_eq!(from_flag.planning.planner, PlannerName::SquareWave);
+    }
+
+    #[test]
+    fn unknown_keys_are_refused_in_every_layer() {
+        let file = EXAMPLE.replace("[planning]", "[planning]\nspeed = 3.0");
+        let error = Config::from_toml(&file, Path::new("hall.toml")).unwrap_err().to_string();
+        assert!(error.contains("speed") && error.contains("line"), "{error}");
+        let error = with_environment(&[("STOCKPILOT__PLANNING__SPEED", "3")], &[]).unwrap_err();
+        assert!(error.to_string().contains("speed"), "{error}");
+        let error = with_environment(&[], &["planning.speed=3"]).unwrap_err();
+        assert!(error.to_string().contains("speed"), "{error}");
+        assert!(with_environment(&[], &["planning.n_steps"]).is_err());
+    }
+
+    #[test]
+    fn values_out_of_range_name_key_value_and_range() {
+        let config = with_environment(&[], &["surface.cell_m=0.001"]).expect("parses");
+        let error = config.pilot_settings().unwrap_err().to_string();
+        assert_eq!(error, "surface.cell_m = 0.001 m is outside 0.05 to 5 m");
+        let config = with_environment(&[], &["surface.cell_m=nan"]).expect("parses");
+        assert!(config.pilot_settings().is_err(), "NaN passes no range");
+    }
+
+    #[test]
+    fn a_missing_file_is_named() {
+        let error = load(Path::new("no/such/hall.toml"), &[]).unwrap_err().to_string();
+        assert!(error.contains("no/such/hall.toml"), "{error}");
+    }
+
+    #[test]
+    fn the_example_is_valid_and_its_printed_form_means_the_same() {
+        let example = Config::from_toml(EXAMPLE, Path::new("example")).expect("valid");
+        example.pilot_settings().expect("in range");
+        example.link_settings().expect("valid");
+        example.lidar_settings().expect("valid");
+        example.camera_settings().expect("valid");
+        let printed = example.to_toml().expect("printable");
+        let again = Config::from_toml(&printed, Path::new("printed")).expect("valid");
+        assert_eq!(again, example);
+    }
+}
