@@ -1,1 +1,3 @@
+//! Flies stockpilot on a laptop.
+
 fn main() {}

@@ -1,0 +1,92 @@
+//! Where a beam ends in the true hall.
+//!
+//! One cast asks, in this order: where the beam leaves the hall's box, which inside wall is in
+//! front of that, and where it meets the material in front of both. Each answer shortens the beam
+//! for the next question. Intersections are closed forms, so a hit is exact to rounding.
+
+mod slab;
+mod terrain;
+
+use crate::world::World;
+use nalgebra::Vector3;
+use stockpilot::geometry::{Direction, Hall, Point};
+
+/// What a beam hit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Surface {
+    /// The material.
+    Material,
+    /// A wall of a bay.
+    InsideWall,
+    /// Floor, wall or ceiling of the hall.
+    Hall,
+}
+
+/// The end of a beam.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RayHit {
+    /// Length of the beam, m.
+    pub distance_m: f64,
+    /// Unit normal of the surface, towards the free side.
+    pub normal: Direction<Hall>,
+    /// What was hit.
+    pub surface: Surface,
+}
+
+/// A half line; `direction` has length 1.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Ray {
+    pub(crate) origin_m: Vector3<f64>,
+    pub(crate) direction: Vector3<f64>,
+    /// 1 over each component of the direction; infinite where that is zero.
+    pub(crate) inverse: Vector3<f64>,
+}
+
+impl Ray {
+    fn new(origin: &Point<Hall>, direction: &Direction<Hall>) -> Self {
+        let direction = direction.coords;
+        Self { origin_m: origin.coords, direction, inverse: direction.map(f64::recip) }
+    }
+
+    pub(crate) fn at(&self, distance_m: f64) -> Vector3<f64> {
+        self.origin_m + self.direction * distance_m
+    }
+}
+
+/// The first surface that a half line from inside the hall meets.
+///
+/// `direction` has length 1. `None` if nothing is nearer than `max_range_m`, or if the origin is
+/// outside of the hall. An origin inside a solid gives a distance of 0.
+#[must_use]
+pub fn cast(
+    world: &World,
+    origin: &Point<Hall>,
+    direction: &Direction<Hall>,
+    max_range_m: f64,
+) -> Option<RayHit> {
+    let ray = Ray::new(origin, direction);
+    let mut nearest = slab::exit(&ray, &world.hall)?;
+    if let Some(hit) = inside_wall(world, &ray).filter(|hit| hit.is_before(&nearest)) {
+        nearest = hit;
+    }
+    let reach_m = nearest.distance_m.min(max_range_m);
+    if let Some(hit) = terrain::entry(&ray, &world.terrain, reach_m) {
+        nearest = hit;
+    }
+    (nearest.distance_m <= max_range_m).then_some(nearest)
+}
+
+impl RayHit {
+    fn is_before(&self, other: &Self) -> bool {
+        self.distance_m < other.distance_m
+    }
+}
+
+fn inside_wall(world: &World, ray: &Ray) -> Option<RayHit> {
+    slab::entry(ray, &world.walls_bounds?)?;
+    let hits = world.walls_inside.iter().filter_map(|wall| slab::entry(ray, wall));
+    hits.min_by(|a, b| a.distance_m.total_cmp(&b.distance_m))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,175 @@
+//! The true hall: material, walls, markers and pad.
+//!
+//! Everything solid is one of four things: the hall's box (floor, walls, ceiling), the material
+//! ([`HeightField`], standing on the floor), the walls of the bays ([`Cuboid`]s), and nothing else.
+//! Rays, volumes and collisions are answered from these same solids, so a volume is the volume of
+//! the very surface that the LiDAR sees.
+//!
+//! ```text
+//!   y ▲  ┌──────────────────────────┐ hall: 2 m around the region
+//!     │  │   ┌──────────────────┐   │
+//!     │  │   │ region, material │   │ +x wall: markers in front of the camera
+//!     │  │ ▣ └──────────────────┘   │ ▣ pad, beside the x_min edge
+//!     │  └──────────────────────────┘
+//!     └─────────────────────────────▶ x
+//! ```
+
+mod alps;
+mod error;
+mod esri;
+mod fractal;
+mod height_field;
+mod piles;
+mod solids;
+mod tags;
+
+pub use error::WorldError;
+pub use esri::GridScale;
+pub use height_field::HeightField;
+pub use solids::{Cuboid, Region};
+pub use tags::PlacedTag;
+
+use stockpilot::geometry::{Hall, Point};
+use stockpilot::stats::SeedBook;
+
+/// Free floor between the region of interest and the walls of the hall, m.
+pub const AISLE_M: f64 = 2.0;
+/// Height of the ceiling over the floor, m.
+pub const CEILING_M: f64 = 10.0;
+
+/// Where the vehicle starts and lands.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pad {
+    /// Middle of the pad on the floor.
+    pub position: Point<Hall>,
+    /// Heading of a vehicle on it, rad, from x towards y.
+    pub yaw_rad: f64,
+}
+
+/// A hall with everything in it.
+#[derive(Debug, Clone)]
+pub struct World {
+    /// What people call it.
+    pub name: String,
+    /// The material, by its height over the floor.
+    pub terrain: HeightField,
+    /// The region of interest D, the extent of `terrain`.
+    pub region: Region,
+    /// Inner faces of floor, walls and ceiling.
+    pub hall: Cuboid,
+    /// Solid walls of the bays; part of the hall, not of the material. They do not overlap.
+    pub walls_inside: Vec<Cuboid>,
+    /// The smallest box around `walls_inside`.
+    pub(crate) walls_bounds: Option<Cuboid>,
+    /// The markers on the walls.
+    pub tags: Vec<PlacedTag>,
+    /// Where flights begin.
+    pub pad: Pad,
+}
+
+impl World {
+    /// A mountain landscape of 20 m × 20 m with at most 4 m relief.
+    ///
+    /// # Errors
+    /// [`WorldError::BadField`] never in practice: the field is generated.
+    pub fn alps(seed: u64) -> Result<Self, WorldError> {
+        let terrain = alps::terrain(SeedBook::new(seed))?;
+        Ok(Self::assemble("alps", terrain, Vec::new(), SeedBook::new(seed)))
+    }
+
+    /// Heaps at the angle of repose, some of them in bays of concrete, on 20 m × 20 m.
+    ///
+    /// # Errors
+    /// [`WorldError::BadField`] never in practice: the field is generated.
+    pub fn piles(seed: u64) -> Result<Self, WorldError> {
+        let terrain = piles::terrain(SeedBook::new(seed))?;
+        Ok(Self::assemble("piles", terrain, piles::bay_walls(), SeedBook::new(seed)))
+    }
+
+    /// The landscape of an ESRI ASCII grid, scaled, with its lowest point on the floor.
+    ///
+    /// The region reaches from the first to the last cell centre and starts at (0, 0); the file's
+    /// first row is north, which is +y.
+    ///
+    /// # Errors
+    /// [`WorldError`] with the line that cannot be understood; cells without data are refused.
+    pub fn from_esri_ascii(name: &str, text: &str, scale: GridScale) -> Result<Self, WorldError> {
+        let terrain = esri::parse(text, scale)?;
+        Ok(Self::assemble(name, terrain, Vec::new(), SeedBook::new(0)))
+    }
+
+    /// The hall around any material and any disjoint inside walls.
+    #[must_use]
+    pub fn assemble(
+        name: &str,
+        terrain: HeightField,
+        walls_inside: Vec<Cuboid>,
+        seeds: SeedBook,
+    ) -> Self {
+        let region = terrain.region();
+        let hall = Cuboid::over(&region.grown(AISLE_M), 0.0, CEILING_M);
+        let pad = pad_beside(&region);
+        let tags = tags::placed(&hall, &pad, &mut seeds.stream("world.tags"));
+        let walls_bounds = Cuboid::around(&walls_inside);
+        Self { name: name.to_owned(), terrain, region, hall, walls_inside, walls_bounds, tags, pad }
+    }
+
+    /// Height of the highest solid over the floor at (x, y): material or inside wall, m.
+    #[must_use]
+    pub fn height_at(&self, x_m: f64, y_m: f64) -> f64 {
+        self.terrain.height_at(x_m, y_m).max(self.base_height(x_m, y_m))
+    }
+
+    /// Height of what lies below the material at (x, y): the top of an inside wall, else 0, m.
+    #[must_use]
+    pub fn base_height(&self, x_m: f64, y_m: f64) -> f64 {
+        let standing = self.walls_inside.iter().filter(|wall| wall.covers(x_m, y_m));
+        standing.map(|wall| wall.max_m.z).fold(0.0, f64::max)
+    }
+
+    /// Volume of the material over the region of interest, m³.
+    #[must_use]
+    pub fn volume_m3(&self) -> f64 {
+        self.true_volume_m3(&self.region)
+    }
+
+    /// Volume of the material over a rectangle, m³.
+    ///
+    /// ```text
+    /// V = ∫ (surface − base) dA = ∫ h dA − Σ_walls ∫ min(h, top) dA
+    /// ```
+    /// - `h`: height of the material if no wall stood there, m; its integral is exact
+    ///
+    /// Only the integrals over the walls are numeric; they are good to 1 mm of height.
+    #[must_use]
+    pub fn true_volume_m3(&self, over: &Region) -> f64 {
+        let displaced = |wall: &Cuboid| {
+            let below_top = over.overlap(&wall.footprint());
+            below_top.map_or(0.0, |area| self.terrain.integral_below_m3(&area, wall.max_m.z))
+        };
+        self.terrain.integral_m3(over) - self.walls_inside.iter().map(displaced).sum::<f64>()
+    }
+
+    /// Distance from a point to the nearest solid, m: at most `reach_m`, and 0 inside a solid.
+    ///
+    /// Material counts by the nodes of its grid, so the answer is good to half a grid pitch.
+    #[must_use]
+    pub fn clearance_m(&self, p: &Point<Hall>, reach_m: f64) -> f64 {
+        let walls = self.walls_inside.iter().map(|wall| wall.distance_m(&p.coords));
+        let nearest_wall = walls.fold(reach_m, f64::min);
+        let to_hall = self.hall.depth_m(&p.coords);
+        let to_material = self.terrain.distance_m(&p.coords, reach_m);
+        nearest_wall.min(to_hall).min(to_material).max(0.0)
+    }
+}
+
+/// A place from which the launch markers and the clear floor along the low-y wall can be seen.
+fn pad_beside(region: &Region) -> Pad {
+    const BESIDE_M: f64 = 1.2;
+    const ALONG_M: f64 = 0.5;
+    let position = Point::new(region.x_min_m - BESIDE_M, region.y_min_m + ALONG_M, 0.0);
+    Pad { position, yaw_rad: 0.0 }
+}
+
+#[cfg(test)]
+mod tests;
