@@ -242,7 +242,7 @@ mod tests {
         Vehicle::new(settings, &pose, Stamp::from_nanos(1_000), SeedBook::new(11))
     }
 
-    /// The command at which four rotors carry the weight: √(m g / 4 T_max).
+    /// The command at which four rotors carry the weight: `√(m g / 4 T_max)`.
     fn hover_command() -> f64 {
         (1.5 * GRAVITY_MPS2 / 32.0).sqrt()
     }

@@ -146,7 +146,7 @@ mod tests {
 
     #[test]
     fn commands_saturate() {
-        assert_eq!(settled([7.0; 4]).thrusts_n(), settled([1.0; 4]).thrusts_n());
+        assert!((settled([7.0; 4]).wrench().0 - 32.0).abs() < 1e-9);
         assert!(settled([f64::NAN, -3.0, 0.0, 0.0]).wrench().0 < 1e-12);
     }
 }
