@@ -1,10 +1,10 @@
-//! Worlds, vehicle and sensors that fly stockpilot on a laptop.
+//! Worlds, vehicle, sensors and autopilot that fly stockpilot on a laptop.
 //!
-//! Everything here is the *truth* that the service is judged against, so nothing here borrows the
-//! service's estimators, parsers or projections: from `stockpilot` only frames, stamps, seeded
-//! noise and plain messages are used.
+//! The truth here is made with ranks 0 to 2 of `stockpilot` only: nothing in [`world`],
+//! [`raycast`], [`vehicle`], [`autopilot`], `lidar` and `camera` shares an equation with what it
+//! judges.
 
-pub mod camera;
-pub mod lidar;
+pub mod autopilot;
 pub mod raycast;
+pub mod vehicle;
 pub mod world;
