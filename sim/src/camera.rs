@@ -1,1 +1,19 @@
-//! Camera.
+//! A camera that looks at the markers of the true hall.
+//!
+//! [`CameraModel::view`] is the exact picture of the markers; [`CameraSimulator`] takes frames of
+//! it at a steady rate and hands them over late, noisy and incomplete, as a detector does.
+
+mod lens;
+mod line;
+mod model;
+mod simulator;
+mod view;
+
+pub use lens::Lens;
+pub use line::detections_line;
+pub use model::{CameraModel, DetectorModel, mounted};
+pub use simulator::CameraSimulator;
+pub use view::SeenTag;
+
+#[cfg(test)]
+mod tests;

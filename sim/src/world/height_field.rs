@@ -23,6 +23,7 @@ pub struct HeightField {
     n_cols: usize,
     n_rows: usize,
     heights_m: Vec<f64>,
+    peak_m: f64,
     /// Level 0 holds the highest node of each cell, level k that of 2ᵏ × 2ᵏ cells.
     peaks: Vec<PeakLevel>,
 }
@@ -71,8 +72,9 @@ impl HeightField {
             return Err(WorldError::BadField);
         }
         let peaks = pyramid(&heights_m, n_cols, n_rows);
+        let peak_m = heights_m.iter().copied().fold(0.0, f64::max);
         let (x_min_m, y_min_m) = corner_m;
-        Ok(Self { x_min_m, y_min_m, pitch_m, n_cols, n_rows, heights_m, peaks })
+        Ok(Self { x_min_m, y_min_m, pitch_m, n_cols, n_rows, heights_m, peak_m, peaks })
     }
 
     /// The field that samples `height_m(x, y)` on nodes `pitch_m` apart; the far borders move to
@@ -122,7 +124,7 @@ impl HeightField {
     /// Height of the highest node, m.
     #[must_use]
     pub fn peak_m(&self) -> f64 {
-        self.heights_m.iter().copied().fold(0.0, f64::max)
+        self.peak_m
     }
 
     /// Height of the material at (x, y), m; 0 outside of the field.
