@@ -1,10 +1,19 @@
 //! Worlds, vehicle, sensors and autopilot that fly stockpilot on a laptop.
 //!
-//! The truth here is made with ranks 0 to 2 of `stockpilot` only: nothing in [`world`],
-//! [`raycast`], [`vehicle`], [`autopilot`], `lidar` and `camera` shares an equation with what it
-//! judges.
+//! The truth is made with ranks 0 to 2 of `stockpilot` only: nothing in [`world`], [`raycast`],
+//! [`vehicle`], [`autopilot`], [`lidar`], [`camera`], [`rig`] and [`judge`] shares an equation
+//! with what it judges. [`campaign`] feeds the brain directly, [`fly`] flies the real service.
 
 pub mod autopilot;
+pub mod camera;
+pub mod campaign;
+pub mod hall;
+pub mod judge;
+pub mod lidar;
+pub mod operator;
 pub mod raycast;
+pub mod report;
+pub mod rig;
+pub mod scenario;
 pub mod vehicle;
 pub mod world;

@@ -1,0 +1,168 @@
+//! The service's configuration for a simulated hall: what an integrator would write down.
+
+use crate::camera::CameraModel;
+use crate::lidar::LidarModel;
+use crate::scenario::Scenario;
+use crate::world::{Region, World};
+use std::path::PathBuf;
+use stockpilot::config::{
+    CameraSection, Config, FilterSection, HallSection, LidarSection, LinkSection, LogSection,
+    MissionSection, MountSection, PlanningSection, RectSection, SurfaceSection, TagSection,
+};
+use stockpilot::geometry::{Body, Camera, Frame, Rotation, Transform};
+
+/// Where the service finds the emulated devices.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Devices {
+    /// Address of the autopilot's link.
+    pub link: String,
+    /// The serial port of the LiDAR.
+    pub lidar_port: String,
+    /// Address of the marker detections.
+    pub detections: String,
+    /// Where the log goes.
+    pub log_directory: PathBuf,
+}
+
+impl Devices {
+    /// For campaigns, where nothing is opened.
+    #[must_use]
+    pub fn none() -> Self {
+        Self {
+            link: "udpin:127.0.0.1:14540".to_owned(),
+            lidar_port: "none".to_owned(),
+            detections: "udp:127.0.0.1:0".to_owned(),
+            log_directory: PathBuf::new(),
+        }
+    }
+}
+
+/// No pile of the worlds is higher, m; the relief is 4 m at most.
+const MAX_PILE_HEIGHT_M: f64 = 5.0;
+
+/// The configuration that describes this scenario truly.
+#[must_use]
+pub fn config(scenario: &Scenario, devices: Devices) -> Config {
+    let world = &scenario.world;
+    Config {
+        hall: hall(world),
+        link: LinkSection { address: devices.link, ..LinkSection::default() },
+        lidar: lidar(scenario.lidar.name(), &scenario.lidar.model(), devices.lidar_port),
+        filter: FilterSection::default(),
+        surface: SurfaceSection {
+            method: scenario.surface.config_name(),
+            ..SurfaceSection::default()
+        },
+        planning: PlanningSection {
+            planner: scenario.planner.config_name(),
+            n_steps: scenario.n_steps,
+            ..PlanningSection::default()
+        },
+        mission: MissionSection::default(),
+        log: LogSection { directory: devices.log_directory },
+        detections: devices.detections,
+        cameras: vec![camera(&scenario.camera)],
+        tags: tags(world),
+    }
+}
+
+const fn rect(r: &Region) -> RectSection {
+    RectSection { x_min_m: r.x_min_m, y_min_m: r.y_min_m, x_max_m: r.x_max_m, y_max_m: r.y_max_m }
+}
+
+fn hall(world: &World) -> HallSection {
+    HallSection {
+        region: rect(&world.region),
+        base_height_m: 0.0,
+        max_pile_height_m: MAX_PILE_HEIGHT_M,
+        exclusions: world.walls_inside.iter().map(|wall| rect(&wall.footprint())).collect(),
+        exclusion_margin_m: 0.12,
+    }
+}
+
+fn lidar(name: &str, model: &LidarModel, port: String) -> LidarSection {
+    LidarSection {
+        model: name.to_owned(),
+        port,
+        baud: None,
+        mount: mount(&model.body_from_lidar),
+        range_sigma_m: 0.012,
+        angle_sigma_deg: 0.1,
+        min_range_m: 0.15,
+        max_range_m: model.range_max_m,
+        blind_sectors_deg: Vec::new(),
+    }
+}
+
+fn camera(model: &CameraModel) -> CameraSection {
+    let lens = &model.lens;
+    // The configuration turns a camera that looks forward; undo that turn to find the angles.
+    let looking_forward = Rotation::<Body, Camera>::from_euler_rad(
+        -std::f64::consts::FRAC_PI_2,
+        0.0,
+        -std::f64::consts::FRAC_PI_2,
+    );
+    let turn: Rotation<Body, Body> = model.body_from_camera.rotation * looking_forward.inverse();
+    CameraSection {
+        size_px: [lens.width_px, lens.height_px],
+        focal_px: [lens.fx_px, lens.fy_px],
+        principal_px: [lens.cx_px, lens.cy_px],
+        distortion: [lens.k1, lens.k2, lens.p1, lens.p2],
+        mount: mount(&Transform::new(turn, model.body_from_camera.origin)),
+    }
+}
+
+fn mount<F: Frame>(body_from_sensor: &Transform<Body, F>) -> MountSection {
+    let (roll, pitch, yaw) = body_from_sensor.rotation.euler_rad();
+    MountSection {
+        position_m: body_from_sensor.origin.coords.into(),
+        rotation_deg: [roll, pitch, yaw].map(f64::to_degrees),
+    }
+}
+
+fn tags(world: &World) -> Vec<TagSection> {
+    world
+        .tags
+        .iter()
+        .map(|tag| TagSection {
+            family: tag.family.name().to_owned(),
+            id: tag.id,
+            corners_m: tag.corners.map(|corner| corner.coords.into()),
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scenario::{Lidar, Planner, Surface};
+    use nalgebra::Vector3;
+
+    #[test]
+    fn the_configuration_holds_the_true_mountings_and_lens() {
+        let scenario = Scenario {
+            world: World::piles(0).expect("a world"),
+            planner: Planner::Greedy,
+            surface: Surface::KalmanGrid,
+            lidar: Lidar::Ld19,
+            camera: CameraModel::ahead(),
+            n_steps: 50,
+            seed: 0,
+        };
+        let settings = config(&scenario, Devices::none()).pilot_settings().expect("valid");
+        let camera = &settings.localization.cameras[0];
+        let truth = &scenario.camera;
+        assert!(
+            camera.body_from_camera.rotation.minus(&truth.body_from_camera.rotation).norm() < 1e-9
+        );
+        let lidar = settings.mapping.lidar.body_from_lidar;
+        let true_lidar = scenario.lidar.model().body_from_lidar;
+        // Pitch of 90° is the singularity of the angles: the rotation must survive it.
+        assert!(lidar.rotation.minus(&true_lidar.rotation).norm() < 1e-6);
+        // The same pixel from two independent implementations of the lens.
+        let p = Vector3::new(1.3, -0.7, 4.0);
+        let ours = camera.project(&stockpilot::geometry::Point::from_coords(p)).expect("seen").0;
+        let theirs = truth.lens.project(&p).expect("seen");
+        assert!((ours - nalgebra::Vector2::from(theirs)).norm() < 1e-9);
+    }
+}

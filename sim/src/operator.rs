@@ -1,0 +1,84 @@
+//! The person at the ground station: says start, and listens.
+
+use crate::autopilot::{COMPANION_COMPONENT, StubPx4};
+use mavlink::MavHeader;
+use mavlink::dialects::ardupilotmega::{
+    COMMAND_LONG_DATA, HEARTBEAT_DATA, MavAutopilot, MavCmd, MavMessage, MavModeFlag, MavState,
+    MavType, NAMED_VALUE_FLOAT_DATA,
+};
+use std::time::Duration;
+use stockpilot::time::{Mono, Stamp};
+
+/// A ground station on the autopilot's other link.
+#[derive(Debug, Default)]
+pub struct Operator {
+    next_heartbeat: Stamp<Mono>,
+    next_start: Stamp<Mono>,
+    is_start_acknowledged: bool,
+    /// Lines of text, in the order they came.
+    pub texts: Vec<String>,
+    /// The last value of VOLUME, m³, as a ground station shows it.
+    pub volume_m3: Option<f32>,
+}
+
+/// The vehicle is left alone for its sensors to settle before the start.
+const START_AFTER: Duration = Duration::from_secs(6);
+const HEARTBEAT_EVERY: Duration = Duration::from_secs(1);
+const START_RETRY: Duration = Duration::from_secs(3);
+/// The id ground stations use.
+const GROUND_STATION: MavHeader = MavHeader { system_id: 255, component_id: 190, sequence: 0 };
+
+impl Operator {
+    /// Speaks and listens once per step of the simulation.
+    pub fn step(&mut self, now: Stamp<Mono>, autopilot: &mut StubPx4) {
+        for (header, message) in autopilot.to_ground_station() {
+            self.hear(header, &message);
+        }
+        if now >= self.next_heartbeat {
+            self.next_heartbeat = now.plus(HEARTBEAT_EVERY);
+            autopilot.forward(now, GROUND_STATION, &heartbeat());
+        }
+        let is_due = now >= self.next_start.max(Stamp::ZERO.plus(START_AFTER));
+        if is_due && !self.is_start_acknowledged {
+            self.next_start = now.plus(START_RETRY);
+            autopilot.forward(now, GROUND_STATION, &start_command(autopilot.system_id()));
+        }
+    }
+
+    fn hear(&mut self, header: MavHeader, message: &MavMessage) {
+        match message {
+            MavMessage::COMMAND_ACK(ack) if ack.command == MavCmd::MAV_CMD_USER_1 => {
+                self.is_start_acknowledged = true;
+            }
+            MavMessage::STATUSTEXT(text) if header.component_id == COMPANION_COMPONENT => {
+                self.texts.push(text.text.to_str().unwrap_or("?").to_owned());
+            }
+            MavMessage::NAMED_VALUE_FLOAT(NAMED_VALUE_FLOAT_DATA { name, value, .. })
+                if name.to_str() == Ok("VOLUME") =>
+            {
+                self.volume_m3 = Some(*value);
+            }
+            _ => {}
+        }
+    }
+}
+
+fn heartbeat() -> MavMessage {
+    MavMessage::HEARTBEAT(HEARTBEAT_DATA {
+        custom_mode: 0,
+        mavtype: MavType::MAV_TYPE_GCS,
+        autopilot: MavAutopilot::MAV_AUTOPILOT_INVALID,
+        base_mode: MavModeFlag::empty(),
+        system_status: MavState::MAV_STATE_ACTIVE,
+        mavlink_version: 3,
+    })
+}
+
+fn start_command(target_system: u8) -> MavMessage {
+    MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
+        target_system,
+        target_component: COMPANION_COMPONENT,
+        command: MavCmd::MAV_CMD_USER_1,
+        ..COMMAND_LONG_DATA::DEFAULT
+    })
+}

@@ -1,0 +1,136 @@
+//! The true hall with the flying vehicle in it: everything that is not stockpilot.
+
+use crate::autopilot::{ParamTable, Sensors, StubPx4};
+use crate::camera::{CameraModel, CameraSimulator};
+use crate::lidar::{LidarModel, LidarSimulator, Packet, PoseTrack};
+use crate::vehicle::{MotorCommands, Surroundings, Vehicle, VehicleSettings};
+use crate::world::World;
+use mavlink::MavHeader;
+use mavlink::dialects::ardupilotmega::MavMessage;
+use std::time::Duration;
+use stockpilot::geometry::{Hall, Point, Rotation, Transform};
+use stockpilot::messages::TagDetections;
+use stockpilot::stats::SeedBook;
+use stockpilot::time::{Mono, Stamp};
+
+/// The autopilot was switched on this long before the companion.
+const BOOT_LEAD: Duration = Duration::from_millis(12_345);
+
+/// Vehicle, autopilot and sensors in their world.
+#[derive(Debug)]
+pub struct Rig {
+    world: World,
+    vehicle: Vehicle,
+    autopilot: StubPx4,
+    motors: MotorCommands,
+    track: PoseTrack,
+    lidar: LidarSimulator,
+    camera: CameraSimulator,
+    flown_m: f64,
+}
+
+/// What left the sensors and the autopilot during one step.
+#[derive(Debug, Default)]
+pub struct RigOutput {
+    /// Packets of the LiDAR.
+    pub packets: Vec<Packet>,
+    /// Camera frames that arrived.
+    pub frames: Vec<TagDetections>,
+    /// MAVLink messages for the companion.
+    pub to_companion: Vec<(MavHeader, MavMessage)>,
+}
+
+impl Rig {
+    /// A vehicle on the pad.
+    #[must_use]
+    pub fn new(world: World, lidar: LidarModel, camera: CameraModel, seed: u64) -> Self {
+        let seeds = SeedBook::new(seed);
+        let start = Stamp::ZERO;
+        let pad = world.pad;
+        let pose = Transform::new(Rotation::from_euler_rad(0.0, 0.0, pad.yaw_rad), pad.position);
+        Self {
+            vehicle: Vehicle::new(VehicleSettings::default(), &pose, start, seeds),
+            autopilot: StubPx4::new(ParamTable::indoor(), BOOT_LEAD),
+            motors: MotorCommands::default(),
+            track: PoseTrack::default(),
+            lidar: LidarSimulator::new(lidar, seeds, start),
+            camera: CameraSimulator::new(camera, seeds, start),
+            world,
+            flown_m: 0.0,
+        }
+    }
+
+    /// Moves on to the next inertial sample, 5 ms later.
+    pub fn step(&mut self) -> RigOutput {
+        let before = self.vehicle.hall_from_body().origin;
+        let world = &self.world;
+        let surroundings = Surroundings {
+            ground_height_m: &|x, y| world.height_at(x, y),
+            is_solid: &|p| is_solid(world, p),
+        };
+        let imu = loop {
+            if let Some(imu) = self.vehicle.step(&self.motors, &surroundings) {
+                break imu;
+            }
+        };
+        let sensors = Sensors::read(&mut self.vehicle, imu);
+        self.motors = self.autopilot.step(&sensors);
+        let now = self.vehicle.now();
+        let pose = self.vehicle.hall_from_body();
+        self.flown_m += (pose.origin - before).coords.norm();
+        self.track.push(now, pose);
+        let pose_at = |at| self.track.at(at).unwrap_or(pose);
+        RigOutput {
+            packets: self.lidar.advance(&self.world, now, pose_at),
+            frames: self.camera.advance(&self.world, now, pose_at),
+            to_companion: self.autopilot.take_outgoing(),
+        }
+    }
+
+    /// The instant of the last step.
+    #[must_use]
+    pub const fn now(&self) -> Stamp<Mono> {
+        self.vehicle.now()
+    }
+
+    /// The hall.
+    #[must_use]
+    pub const fn world(&self) -> &World {
+        &self.world
+    }
+
+    /// The vehicle.
+    #[must_use]
+    pub const fn vehicle(&self) -> &Vehicle {
+        &self.vehicle
+    }
+
+    /// The autopilot, to talk to and to torment.
+    pub const fn autopilot_mut(&mut self) -> &mut StubPx4 {
+        &mut self.autopilot
+    }
+
+    /// The autopilot.
+    #[must_use]
+    pub const fn autopilot(&self) -> &StubPx4 {
+        &self.autopilot
+    }
+
+    /// Length of the true path, m.
+    #[must_use]
+    pub const fn flown_m(&self) -> f64 {
+        self.flown_m
+    }
+}
+
+/// The skin of solids that does not count as touched, m: the body rests on the floor.
+const SKIN_M: f64 = 0.03;
+
+fn is_solid(world: &World, p: &Point<Hall>) -> bool {
+    let (x, y, z) = (p.coords.x, p.coords.y, p.coords.z);
+    let hall = &world.hall;
+    let is_outside = !hall.footprint().contains(x, y) || z > crate::world::CEILING_M;
+    is_outside
+        || z < world.height_at(x, y) - SKIN_M
+        || world.walls_inside.iter().any(|wall| wall.depth_m(&p.coords) > SKIN_M)
+}
