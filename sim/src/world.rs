@@ -172,4 +172,4 @@ fn pad_beside(region: &Region) -> Pad {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

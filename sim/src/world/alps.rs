@@ -10,14 +10,14 @@ const PITCH_M: f64 = 0.08;
 const REGION: Region = Region::new(0.0, 0.0, 20.0, 20.0);
 /// Mean height over relief, so that valleys are as wide as crests.
 const MEAN_RATIO: f64 = 0.47;
-/// Slopes above this slide, tan of an angle: 60°.
-const STEEPEST: f64 = 1.73;
+/// Slopes above this slide, tan of an angle: 55°.
+const STEEPEST: f64 = 1.43;
 
 /// Ridges, bent by a slow warp and worn by slides, from the floor up to the relief.
 pub(super) fn terrain(seeds: SeedBook) -> Result<HeightField, WorldError> {
     let mut noise = seeds.stream("world.alps");
     let relief_m = noise.between(3.3, 3.9);
-    let ridges = RidgedFractal::new(&mut noise, 6, 8.5);
+    let ridges = RidgedFractal::new(&mut noise, 5, 10.0);
     let warps = [GradientNoise::from_stream(&mut noise), GradientNoise::from_stream(&mut noise)];
     let raw = HeightField::from_fn(&REGION, PITCH_M, |x_m, y_m| {
         let bend_m = |warp: &GradientNoise| 1.6 * warp.at(x_m / 5.0, y_m / 5.0);

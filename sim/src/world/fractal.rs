@@ -63,7 +63,7 @@ impl RidgedFractal {
 
     /// The value at (x, y), m in the plane.
     pub(crate) fn at(&self, x_m: f64, y_m: f64) -> f64 {
-        const ROUGHNESS: f64 = 0.45;
+        const ROUGHNESS: f64 = 0.4;
         let (mut sum, mut total) = (0.0, 0.0);
         let (mut weight, mut amplitude, mut scale) = (1.0, 1.0, 1.0 / self.wavelength_m);
         for octave in &self.octaves {
