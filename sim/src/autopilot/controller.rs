@@ -9,9 +9,9 @@ use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use stockpilot::units::{GRAVITY_MPS2, wrapped_rad};
 
 /// Gains of the airframe; x, y, z or roll, pitch, yaw.
-const POSITION_P_PER_S: Vector3<f64> = Vector3::new(1.2, 1.2, 1.2);
-const VELOCITY_P_PER_S: Vector3<f64> = Vector3::new(3.0, 3.0, 4.0);
-const VELOCITY_I_PER_S2: Vector3<f64> = Vector3::new(0.8, 0.8, 2.0);
+const POSITION_P_PER_S: Vector3<f64> = Vector3::new(1.8, 1.8, 1.4);
+const VELOCITY_P_PER_S: Vector3<f64> = Vector3::new(4.5, 4.5, 4.0);
+const VELOCITY_I_PER_S2: Vector3<f64> = Vector3::new(1.5, 1.5, 2.0);
 const ATTITUDE_P_PER_S: Vector3<f64> = Vector3::new(9.0, 9.0, 3.0);
 const RATE_P_PER_S: Vector3<f64> = Vector3::new(24.0, 24.0, 6.0);
 const RATE_I_PER_S2: Vector3<f64> = Vector3::new(20.0, 20.0, 3.0);

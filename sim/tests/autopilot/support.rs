@@ -8,7 +8,7 @@ use stockpilot::geometry::{Point, Rotation, Transform};
 use stockpilot::stats::{Noise, SeedBook};
 use stockpilot::time::{Mono, Stamp};
 use stockpilot_sim::autopilot::{COMPANION_COMPONENT, ParamTable, Sensors, StubPx4};
-use stockpilot_sim::vehicle::{STEP, Surroundings, Vehicle, VehicleSettings};
+use stockpilot_sim::vehicle::{Surroundings, Vehicle, VehicleSettings};
 
 /// The companion's boot clock is 12.345 s behind the autopilot's.
 pub(crate) const BOOT_LEAD: Duration = Duration::from_millis(12_345);
