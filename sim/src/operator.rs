@@ -25,6 +25,8 @@ pub struct Operator {
 const START_AFTER: Duration = Duration::from_secs(6);
 const HEARTBEAT_EVERY: Duration = Duration::from_secs(1);
 const START_RETRY: Duration = Duration::from_secs(3);
+/// The system id of PX4 out of the box.
+const AUTOPILOT_SYSTEM: u8 = 1;
 /// The id ground stations use.
 const GROUND_STATION: MavHeader = MavHeader { system_id: 255, component_id: 190, sequence: 0 };
 
@@ -41,7 +43,7 @@ impl Operator {
         let is_due = now >= self.next_start.max(Stamp::ZERO.plus(START_AFTER));
         if is_due && !self.is_start_acknowledged {
             self.next_start = now.plus(START_RETRY);
-            autopilot.forward(now, GROUND_STATION, &start_command(autopilot.system_id()));
+            autopilot.forward(now, GROUND_STATION, &start_command(AUTOPILOT_SYSTEM));
         }
     }
 
