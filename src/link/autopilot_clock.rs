@@ -6,7 +6,7 @@
 //!   Boot  ──────────────boot──────────────▶      Mono   = Boot + offset
 //! ```
 //! The offset's error is half the difference of the two ways. The delay e beyond the shortest one
-//! seen lately bounds most of it, and that shortest one itself lies about rtt_max/n above what is
+//! seen lately bounds most of it, and that shortest one itself lies about `rtt_max/n` above what is
 //! possible, so each sample weighs as much as its delay allows. Offset o (ns) and drift d (ns/s)
 //! follow a Kalman filter, random walks in both.
 //!

@@ -68,18 +68,19 @@ impl Scene {
             let tc1 = boot_at(at_ms(now_ms)).nanos() - shift_ns + 200_000;
             let answer = TIMESYNC_DATA { tc1, ts1, ..Default::default() };
             let arrived = Stamp::from_nanos(ts1 + 400_000);
-            self.hears_at(AUTOPILOT, MavMessage::TIMESYNC(answer), arrived);
+            self.hears_at(AUTOPILOT, &MavMessage::TIMESYNC(answer), arrived);
             self.out.clear();
         }
     }
 
+    #[expect(clippy::needless_pass_by_value, reason = "messages are built in the call")]
     fn hears(&mut self, from: (u32, u8), message: MavMessage, ms: i64) {
-        self.hears_at(from, message, at_ms(ms));
+        self.hears_at(from, &message, at_ms(ms));
     }
 
-    fn hears_at(&mut self, from: (u32, u8), message: MavMessage, arrived: Stamp<Mono>) {
+    fn hears_at(&mut self, from: (u32, u8), message: &MavMessage, arrived: Stamp<Mono>) {
         let header = MavHeader { system_id: from.0, component_id: from.1, sequence: 0 };
-        self.session.on_message(&header, &message, arrived, &mut self.out);
+        self.session.on_message(&header, message, arrived, &mut self.out);
     }
 
     fn tick(&mut self, ms: i64) {
