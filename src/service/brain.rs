@@ -55,6 +55,7 @@ pub(super) struct Brain {
     status: ServiceStatus,
     status_tx: watch::Sender<ServiceStatus>,
     warned: (Stamp<Mono>, u64),
+    warned_of_autopilots: bool,
 }
 
 impl Brain {
@@ -80,6 +81,7 @@ impl Brain {
             status: ServiceStatus::default(),
             status_tx,
             warned: (now, 0),
+            warned_of_autopilots: false,
             clock,
         }
     }
@@ -243,6 +245,10 @@ impl Brain {
         self.status.stats.link = self.session.stats();
         self.status.stats.transport = self.transport.stats();
         self.warn_of_loss(now);
+        if !self.warned_of_autopilots && self.status.stats.link.refused_autopilots > 0 {
+            self.warned_of_autopilots = true;
+            tracing::warn!("a second autopilot, or one of another kind, is on the link");
+        }
         self.status_tx.send_replace(self.status.clone());
     }
 

@@ -4,6 +4,7 @@
 
 mod datagrams;
 mod frames;
+mod rubbish;
 mod service;
 mod streams;
 mod support;

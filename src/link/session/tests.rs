@@ -622,3 +622,12 @@ fn the_volume_is_told_in_numbers_and_words() {
     let last = format!("final {line}");
     assert_eq!(lines, [(0, line.clone()), (15_000, line), (20_000, last)]);
 }
+
+#[test]
+fn nothing_is_said_before_an_autopilot_is_there() {
+    let mut scene = Scene::new();
+    scene.acts(&Action::ReportVolume(volume_report(true)), 0);
+    scene.acts(&Action::Command(VehicleCommand::Arm), 0);
+    assert!(scene.sent().is_empty());
+    assert_eq!(scene.outcomes(), [(VehicleCommand::Arm, false)]);
+}
