@@ -123,6 +123,9 @@ impl Brain {
             let waiting = std::iter::from_fn(|| input.try_recv().ok());
             self.events.extend(waiting.take(MAX_BEFORE_TICK));
         }
+        while let Some(result) = self.jobs.try_join_next() {
+            self.job_ended(result);
+        }
         let now = self.clock.now();
         self.session.on_time(now, &mut self.out);
         self.take_output();
@@ -244,6 +247,7 @@ impl Brain {
     fn show_status(&mut self, now: Stamp<Mono>) {
         self.status.stats.link = self.session.stats();
         self.status.stats.transport = self.transport.stats();
+        self.status.is_clock_known = self.session.is_clock_known();
         self.warn_of_loss(now);
         if !self.warned_of_autopilots && self.status.stats.link.refused_autopilots > 0 {
             self.warned_of_autopilots = true;

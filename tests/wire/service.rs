@@ -34,6 +34,34 @@ impl Recorder for RecordingSink {
     }
 }
 
+/// A full disk.
+struct FailingRecorder;
+
+impl Recorder for FailingRecorder {
+    fn record(&mut self, _record: &Record) -> io::Result<()> {
+        Err(io::ErrorKind::StorageFull.into())
+    }
+
+    fn finish(&mut self) -> io::Result<()> {
+        Err(io::ErrorKind::StorageFull.into())
+    }
+}
+
+fn setup(clock: Clock, recorder: impl Recorder) -> (ServiceSetup, mpsc::Sender<Event>) {
+    let (scans, scans_rx) = mpsc::channel(16);
+    let (_tags, tags_rx) = mpsc::channel(16);
+    let setup = ServiceSetup {
+        pilot: Pilot::new(Settings {}),
+        link: link::Settings::new("udpin:127.0.0.1:0".parse().unwrap()),
+        clock,
+        stop: CancellationToken::new(),
+        scans: scans_rx,
+        tags: tags_rx,
+        recorder: Some(Box::new(recorder)),
+    };
+    (setup, scans)
+}
+
 struct Scene {
     service: RunningService,
     driver: ClockDriver,
@@ -46,17 +74,7 @@ impl Scene {
     async fn new() -> Self {
         let (clock, driver) = Clock::driven();
         let kept = Arc::new(Mutex::new(Kept::default()));
-        let (scans, scans_rx) = mpsc::channel(16);
-        let (_tags, tags_rx) = mpsc::channel(16);
-        let setup = ServiceSetup {
-            pilot: Pilot::new(Settings {}),
-            link: link::Settings::new("udpin:127.0.0.1:0".parse().unwrap()),
-            clock,
-            stop: CancellationToken::new(),
-            scans: scans_rx,
-            tags: tags_rx,
-            recorder: Some(Box::new(RecordingSink(Arc::clone(&kept)))),
-        };
+        let (setup, scans) = setup(clock, RecordingSink(Arc::clone(&kept)));
         let service = Service::start(setup).await.unwrap();
         let autopilot = Peer::new(service.link_addr().unwrap()).await;
         Self { service, driver, kept, scans, autopilot }
@@ -172,4 +190,21 @@ async fn a_silent_autopilot_is_told_and_nothing_speaks_after_the_end() {
         tokio::task::yield_now().await;
     }
     assert_eq!(scene.autopilot.heard(), 0);
+}
+
+#[tokio::test]
+async fn a_full_disk_is_counted_and_does_not_stop_the_brain() {
+    let (clock, driver) = Clock::driven();
+    let (setup, _scans) = setup(clock, FailingRecorder);
+    let service = Service::start(setup).await.unwrap();
+    let mut status = service.status();
+    for ms in 1..=200 {
+        driver.advance_to(at_ms(ms));
+        tokio::task::yield_now().await;
+    }
+    patiently(status.wait_for(|status| status.stats.ticks >= 6)).await.unwrap();
+    service.stop();
+    let stats = patiently(service.join()).await.unwrap();
+    // Every event and the end itself were lost.
+    assert_eq!(stats.records_lost, stats.events + 1);
 }
