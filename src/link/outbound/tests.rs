@@ -100,9 +100,8 @@ fn variances_land_on_their_axes() {
     for (got, expected) in pose.into_iter().zip([0.01, 0.04, 0.09, 0.001, 0.002, 0.003]) {
         assert_near(got, expected, "pose variance");
     }
-    // Forward is hall y: 0.36, plus nothing, for a turn only bends the velocity sideways.
-    // v_body = (2, 0, 0.5) FLU; v^ δθ = (−0.5·δθz·0 …): by hand
-    //   δv = v × δθ = (vy δz − vz δy, vz δx − vx δz, vx δy − vy δx)
+    // The velocity is (2, 0, 0.5) in FLU. Forward is hall y, left is −x, and a turn δ bends it:
+    //   v × δ = (vy δz − vz δy, vz δx − vx δz, vx δy − vy δx)
     //   var x: 0.36 + 0.25·0.002              = 0.3605
     //   var y: 0.25 + 0.25·0.001 + 4·0.003    = 0.26225
     //   var z: 0.49 + 4·0.002                 = 0.498
@@ -157,4 +156,31 @@ fn quality_falls_with_the_position_sigma() {
         sent(&state).quality
     };
     assert_eq!((with_sigma(0.25), with_sigma(1.0), with_sigma(40.0)), (75, 1, 1));
+}
+
+#[test]
+fn body_velocity_errors_match_a_central_difference_at_awkward_attitudes() {
+    let step = 1e-6;
+    for (roll, pitch, yaw) in [(0.3, -0.8, 1.1), (-0.6, 0.5, -2.9), (1.0, 0.2, 3.1)] {
+        let state = estimate(roll, pitch, yaw);
+        let analytic = velocity_jacobian(&state);
+        for axis in 0..3 {
+            let delta = Vector3::ith(axis, step);
+            let velocity_frd = |turn: Vector3<f64>, push: Vector3<f64>| {
+                let rotation = state.hall_from_body.rotation.perturbed(&turn);
+                let velocity = Direction::<Hall>::from_coords(state.velocity_mps.coords + push);
+                let body: Direction<Body> = rotation.inverse() * velocity;
+                Vector3::new(body.coords.x, -body.coords.y, -body.coords.z)
+            };
+            let still = Vector3::zeros();
+            let by_turn = velocity_frd(delta, still) - velocity_frd(-delta, still);
+            let by_push = velocity_frd(still, delta) - velocity_frd(still, -delta);
+            for (difference, start) in [(by_turn, state::ATT.start), (by_push, state::VEL.start)] {
+                let column: Vector3<f64> =
+                    analytic.fixed_view::<3, 1>(0, start + axis).into_owned();
+                let numeric = difference / (2.0 * step);
+                assert!((numeric - column).norm() < 1e-8, "{roll} {pitch} {yaw} axis {axis}");
+            }
+        }
+    }
 }

@@ -13,18 +13,13 @@ fn no_broken_number_leaves() {
         yaw_rad: 0.0,
         yaw_rate_radps: 0.0,
     };
+    // The last one is finite here but not in single precision.
     for broken in [f64::NAN, f64::INFINITY, 1e300] {
         let far = Setpoint { position: Point::new(1.0, broken, 3.0), ..good };
         scene.acts(&Action::Steer(far), 10);
-        scene.acts(&Action::Steer(Setpoint { yaw_rad: broken * 1e10, ..good }), 10);
+        scene.acts(&Action::Steer(Setpoint { yaw_rate_radps: broken, ..good }), 10);
     }
-    let sent = scene.sent();
-    let yaws = sent.iter().filter_map(|message| match message {
-        MavMessage::SET_POSITION_TARGET_LOCAL_NED(data) => Some(data.yaw),
-        _ => None,
-    });
-    // 1e310 is infinite already, so only finite yaws can have left.
-    assert!(yaws.into_iter().all(f32::is_finite));
+    assert!(scene.sent().is_empty());
     assert_eq!(scene.session.stats().outbound_refused, 6);
     scene.acts(&Action::Steer(good), 20);
     assert_eq!(scene.sent().len(), 1);
