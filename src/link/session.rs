@@ -2,6 +2,7 @@
 
 mod act;
 mod receive;
+mod samples;
 
 pub(crate) use receive::is_known_autopilot;
 
@@ -101,6 +102,12 @@ impl Session {
     #[must_use]
     pub fn autopilot_system(&self) -> Option<u8> {
         self.autopilot.as_ref().map(|autopilot| autopilot.system)
+    }
+
+    /// True once the autopilot's clock can be read; until then its samples are dropped.
+    #[must_use]
+    pub fn is_clock_known(&self) -> bool {
+        self.clock.mono_from_boot(Stamp::ZERO).is_some()
     }
 
     /// The counters.

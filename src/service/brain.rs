@@ -55,6 +55,7 @@ pub(super) struct Brain {
     status: ServiceStatus,
     status_tx: watch::Sender<ServiceStatus>,
     warned: (Stamp<Mono>, u64),
+    warned_of_autopilots: bool,
 }
 
 impl Brain {
@@ -80,6 +81,7 @@ impl Brain {
             status: ServiceStatus::default(),
             status_tx,
             warned: (now, 0),
+            warned_of_autopilots: false,
             clock,
         }
     }
@@ -120,6 +122,9 @@ impl Brain {
         for input in [&mut inputs.scans, &mut inputs.tags] {
             let waiting = std::iter::from_fn(|| input.try_recv().ok());
             self.events.extend(waiting.take(MAX_BEFORE_TICK));
+        }
+        while let Some(result) = self.jobs.try_join_next() {
+            self.job_ended(result);
         }
         let now = self.clock.now();
         self.session.on_time(now, &mut self.out);
@@ -242,7 +247,12 @@ impl Brain {
     fn show_status(&mut self, now: Stamp<Mono>) {
         self.status.stats.link = self.session.stats();
         self.status.stats.transport = self.transport.stats();
+        self.status.is_clock_known = self.session.is_clock_known();
         self.warn_of_loss(now);
+        if !self.warned_of_autopilots && self.status.stats.link.refused_autopilots > 0 {
+            self.warned_of_autopilots = true;
+            tracing::warn!("a second autopilot, or one of another kind, is on the link");
+        }
         self.status_tx.send_replace(self.status.clone());
     }
 

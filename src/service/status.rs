@@ -13,6 +13,8 @@ pub struct ServiceStatus {
     pub phase: Option<Phase>,
     /// The autopilot's last state.
     pub vehicle: Option<VehicleState>,
+    /// The autopilot's clock is known, so its inertial samples are used.
+    pub is_clock_known: bool,
     /// The last volume.
     pub volume: Option<VolumeReport>,
     /// Largest standard deviation of the own position, m; `None` before the first fix.

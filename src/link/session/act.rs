@@ -14,17 +14,14 @@ impl Session {
     pub fn on_action(&mut self, action: &Action, now: Stamp<Mono>, out: &mut SessionOutput) {
         let sent_before = out.messages.len();
         match action {
-            Action::Steer(setpoint) => {
-                if let Some(Autopilot { system, .. }) = self.autopilot {
-                    self.push(outbound::setpoint(setpoint, system), out);
-                }
-            }
-            Action::PublishOdometry(estimate) => {
-                if self.autopilot.is_some() {
-                    self.push(outbound::odometry(estimate), out);
-                }
-            }
             Action::Command(command) => self.command(*command, now, out),
+            // Nobody is there to read it, and the own system id is not known yet.
+            _ if self.autopilot.is_none() => {}
+            Action::Steer(setpoint) => {
+                let system = self.autopilot_system().unwrap_or(0);
+                self.push(outbound::setpoint(setpoint, system), out);
+            }
+            Action::PublishOdometry(estimate) => self.push(outbound::odometry(estimate), out),
             Action::ReportVolume(report) => self.telemetry.report(report, now, &mut out.messages),
             Action::Say(line) => {
                 self.telemetry.say(line.severity, &line.text, &mut out.messages);

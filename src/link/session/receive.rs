@@ -1,27 +1,15 @@
 //! Messages from the autopilot and from people.
 
 use super::{Autopilot, Session, SessionOutput};
-use crate::link::autopilot_clock::ClockSample;
 use crate::link::dialect::{Dialect, Px4};
 use crate::link::{AUTOPILOT_COMPONENT, OWN_COMPONENT, inbound};
-use crate::messages::{
-    AutopilotPose, BatterySample, ImuSample, LandedState, OperatorCommand, OperatorRequest,
-    VehicleState,
-};
+use crate::messages::{LandedState, OperatorCommand, OperatorRequest, VehicleState};
 use crate::pilot::Event;
-use crate::time::{Boot, Mono, Stamp};
+use crate::time::{Mono, Stamp};
 use mavlink::dialects::ardupilotmega::{
-    ATTITUDE_QUATERNION_DATA, COMMAND_ACK_DATA, HEARTBEAT_DATA, HIGHRES_IMU_DATA,
-    LOCAL_POSITION_NED_DATA, MavAutopilot, MavCmd, MavMessage, MavModeFlag, MavResult,
-    TIMESYNC_DATA,
+    COMMAND_ACK_DATA, HEARTBEAT_DATA, MavAutopilot, MavCmd, MavMessage, MavModeFlag, MavResult,
 };
 use mavlink::{MavHeader, Message as _};
-use std::time::Duration;
-
-/// A sample's stamp further than this from its arrival is no stamp.
-const MAX_STAMP_DISTANCE: Duration = Duration::from_secs(1);
-/// An attitude older than this does not belong to a position.
-const MAX_ATTITUDE_AGE: Duration = Duration::from_millis(250);
 
 /// True for the heartbeat of an autopilot that is spoken here.
 pub(crate) fn is_known_autopilot(header: &MavHeader, data: &HEARTBEAT_DATA) -> bool {
@@ -143,104 +131,6 @@ impl Session {
             autopilot.state.landed = landed;
             autopilot.state.at = arrived;
             out.events.push(Event::Vehicle(autopilot.state));
-        }
-    }
-
-    fn battery(&mut self, sample: Option<BatterySample>, out: &mut SessionOutput) {
-        match sample {
-            Some(sample) => out.events.push(Event::Battery(sample)),
-            None => self.stats.refused_values += 1,
-        }
-    }
-
-    fn imu(&mut self, data: &HIGHRES_IMU_DATA, arrived: Stamp<Mono>, out: &mut SessionOutput) {
-        let boot = inbound::boot_from_micros(data.time_usec);
-        let (Some(boot), Some((accel_mps2, gyro_radps))) = (boot, inbound::inertial(data)) else {
-            self.stats.refused_values += 1;
-            return;
-        };
-        self.watch_reboot(boot);
-        let Some(at) = self.stamp(boot, arrived) else { return };
-        let Some(autopilot) = &mut self.autopilot else { return };
-        if autopilot.last_imu_at.is_some_and(|last| at <= last) {
-            self.stats.stale_samples += 1;
-            return;
-        }
-        autopilot.last_imu_at = Some(at);
-        out.events.push(Event::Imu(ImuSample { at, accel_mps2, gyro_radps }));
-    }
-
-    fn position(
-        &mut self,
-        data: &LOCAL_POSITION_NED_DATA,
-        arrived: Stamp<Mono>,
-        out: &mut SessionOutput,
-    ) {
-        let Some((position, velocity_mps)) = inbound::local_position(data) else {
-            self.stats.refused_values += 1;
-            return;
-        };
-        let boot = inbound::boot_from_millis(data.time_boot_ms);
-        let Some(at) = self.stamp(boot, arrived) else { return };
-        let attitude = self.autopilot.as_ref().and_then(|autopilot| autopilot.attitude);
-        let hall_from_body_rot =
-            attitude.filter(|(heard, _)| arrived.since(*heard) <= MAX_ATTITUDE_AGE).map(|a| a.1);
-        let pose = AutopilotPose { at, position, velocity_mps, hall_from_body_rot };
-        out.events.push(Event::AutopilotPose(pose));
-    }
-
-    fn attitude(&mut self, data: &ATTITUDE_QUATERNION_DATA, arrived: Stamp<Mono>) {
-        match (inbound::attitude(data), &mut self.autopilot) {
-            (Some(rotation), Some(autopilot)) => autopilot.attitude = Some((arrived, rotation)),
-            _ => self.stats.refused_values += 1,
-        }
-    }
-
-    /// The stamp on this computer's clock, if the offset is known and gives a credible one.
-    fn stamp(&mut self, boot: Stamp<Boot>, arrived: Stamp<Mono>) -> Option<Stamp<Mono>> {
-        let Some(at) = self.clock.mono_from_boot(boot) else {
-            self.stats.unsynced_samples += 1;
-            return None;
-        };
-        let distance = at.since(arrived).max(arrived.since(at));
-        if distance > MAX_STAMP_DISTANCE {
-            self.stats.refused_values += 1;
-            return None;
-        }
-        Some(at)
-    }
-
-    fn watch_reboot(&mut self, boot: Stamp<Boot>) {
-        if self.clock.rebooted(boot) {
-            self.stats.autopilot_reboots += 1;
-            self.stats.timesync_resets += 1;
-            self.streams.forget();
-        }
-    }
-
-    /// Answers a request with the arrival on the clock that stamps ODOMETRY, or takes in an answer.
-    fn timesync_in(&mut self, data: &TIMESYNC_DATA, arrived: Stamp<Mono>, out: &mut SessionOutput) {
-        if data.tc1 == 0 {
-            out.messages.push(MavMessage::TIMESYNC(TIMESYNC_DATA {
-                tc1: arrived.nanos(),
-                ts1: data.ts1,
-                target_system: self.autopilot_system().unwrap_or(0),
-                target_component: AUTOPILOT_COMPONENT,
-            }));
-            return;
-        }
-        let Some(boot) = inbound::boot_from_nanos(data.tc1) else {
-            self.stats.refused_values += 1;
-            return;
-        };
-        self.watch_reboot(boot);
-        match self.clock.on_answer(Stamp::from_nanos(data.ts1), boot, arrived) {
-            ClockSample::Fused => self.stats.timesync_accepted += 1,
-            ClockSample::Refused | ClockSample::Outlier => self.stats.timesync_refused += 1,
-            ClockSample::Reset => {
-                self.stats.timesync_refused += 1;
-                self.stats.timesync_resets += 1;
-            }
         }
     }
 

@@ -1,0 +1,10 @@
+//! Bytes on the wire: what arrives, what does not, and what the service says.
+
+#![expect(clippy::unwrap_used, clippy::panic, reason = "tests stop at the first surprise")]
+
+mod datagrams;
+mod frames;
+mod rubbish;
+mod service;
+mod streams;
+mod support;
