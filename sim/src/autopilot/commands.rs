@@ -1,4 +1,4 @@
-//! COMMAND_LONG, COMMAND_INT and SET_MODE with the answers of PX4 v1.16.1.
+//! `COMMAND_LONG`, `COMMAND_INT` and `SET_MODE` with the answers of PX4 v1.16.1.
 
 use super::frames::whole;
 use super::modes::{ModeRequest, Px4Mode};
@@ -37,7 +37,7 @@ impl Command {
         Self { command: data.command, params, param3: data.param3, from, link }
     }
 
-    /// SET_MODE, which PX4 treats as `MAV_CMD_DO_SET_MODE`.
+    /// `SET_MODE`, which PX4 treats as `MAV_CMD_DO_SET_MODE`.
     pub(super) fn set_mode(from: MavHeader, link: Link, custom_mode: u32) -> Self {
         let [_, _, main, sub] = custom_mode.to_le_bytes();
         Self {

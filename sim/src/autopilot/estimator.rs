@@ -133,7 +133,7 @@ impl Estimator {
         }
     }
 
-    /// Vision carries the frame LOCAL_NED, so a global position can follow from it.
+    /// Vision carries the frame `LOCAL_NED`, so a global position can follow from it.
     pub(super) const fn is_vision_north_aligned(&self) -> bool {
         self.vision.is_north_aligned()
     }

@@ -42,7 +42,8 @@ impl ParamValue {
 
 use ParamValue::{Int, Real};
 
-/// Source: parameter reference of PX4 v1.16.
+/// External vision after PX4's `params_external_vision.yaml`. Entries that the stub does not act on
+/// (lever arm, battery actions, RC) are there to be read and written.
 const DEFAULTS: [(&str, ParamValue); 56] = [
     ("BAT1_CAPACITY", Real(-1.0)),
     ("BAT1_N_CELLS", Int(0)),

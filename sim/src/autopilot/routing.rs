@@ -37,10 +37,10 @@ impl StubPx4 {
             MavMessage::TIMESYNC(data) => self.on_timesync(link, data),
             MavMessage::ODOMETRY(data) => self.on_odometry(data),
             MavMessage::SET_POSITION_TARGET_LOCAL_NED(data) => self.on_setpoint(data),
-            MavMessage::COMMAND_LONG(data) if data.target_system == 1 => {
+            MavMessage::COMMAND_LONG(data) => {
                 self.on_command(&Command::long(header, link, data));
             }
-            MavMessage::COMMAND_INT(data) if data.target_system == 1 => {
+            MavMessage::COMMAND_INT(data) => {
                 self.on_command(&Command::int(header, link, data));
             }
             MavMessage::SET_MODE(data) => {

@@ -1,4 +1,4 @@
-//! Targets of the position controller, and SET_POSITION_TARGET_LOCAL_NED.
+//! Targets of the position controller, and `SET_POSITION_TARGET_LOCAL_NED`.
 
 #![expect(deprecated, reason = "PX4 v1.16 knows this frame as BODY_NED")]
 
@@ -94,7 +94,7 @@ pub(super) fn from_message(
     }
 }
 
-/// BODY_NED: no position, velocity turned by the heading, acceleration by the attitude.
+/// `BODY_NED`: no position, velocity turned by the heading, acceleration by the attitude.
 fn turn_from_body(target: &mut Target, belief: &Belief) {
     target.position_m = [None; 3];
     let heading = nalgebra::UnitQuaternion::from_euler_angles(0.0, 0.0, belief.yaw_rad);

@@ -303,11 +303,13 @@ impl StubPx4 {
     /// Starts anew: the boot clock begins at zero, motors stop, everything but the parameters is
     /// forgotten, and the links are silent for two seconds.
     pub fn reboot(&mut self, now: Stamp<Mono>) {
+        let unsent = std::mem::take(&mut self.outbox);
         *self = Self::booted(
             self.params.clone(),
             now.nanos().saturating_neg(),
             Stamp::ZERO.plus(BOOT_TIME),
         );
+        self.outbox = unsent;
         self.set_now(now);
     }
 

@@ -10,7 +10,7 @@ use stockpilot::time::{Boot, Stamp};
 const CONVERGED_AFTER: u32 = 500;
 const MAX_ROUND_TRIP: Duration = Duration::from_millis(10);
 const MAX_DEVIATION_NS: f64 = 100e6;
-const MAX_DEVIATIONS: u32 = 5;
+const MAX_DEVIATIONS: u32 = 10;
 const ALPHA: (f64, f64) = (0.05, 0.003);
 const BETA: (f64, f64) = (0.05, 0.003);
 
@@ -102,6 +102,17 @@ mod tests {
         assert!(
             sync.stamp(now, 1_000_000).nanos_since(Stamp::from_nanos(13_345_000_000)).abs() < 1000
         );
+    }
+
+    #[test]
+    fn a_jump_of_the_companion_clock_starts_the_filter_anew() {
+        let mut sync = TimeSync { n_samples: 500, ..TimeSync::default() };
+        let now = Stamp::from_nanos(1_000_000_000);
+        for n in 0..11 {
+            assert!(sync.is_converged(), "after {n} answers that are off by more than 100 ms");
+            sync.on_answer(now, now, 0);
+        }
+        assert!(!sync.is_converged());
     }
 
     #[test]

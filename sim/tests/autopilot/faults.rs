@@ -1,9 +1,9 @@
 //! Things that go wrong, and what PX4 v1.16.1 then does.
 
-use crate::support::{Loop, Wish};
+use crate::support::{Loop, Wish, origin};
 use mavlink::dialects::ardupilotmega as m;
 use mavlink::dialects::ardupilotmega::{MavMessage, MavResult};
-use stockpilot_sim::autopilot::{ParamTable, Px4Mode};
+use stockpilot_sim::autopilot::{ParamTable, ParamValue, Px4Mode};
 
 fn hovering(seed: u64) -> Loop {
     let mut flight = Loop::new(ParamTable::indoor(), seed);
@@ -33,6 +33,24 @@ fn lost_setpoints_land_and_return_by_themselves() {
     assert!(flight.run_until(15.0, |l| !l.stub.is_armed()), "armed at {:?}", flight.place());
     assert!(flight.vehicle.is_on_ground());
     assert_eq!(flight.stub.mode(), Px4Mode::Offboard);
+}
+
+#[test]
+fn the_parameter_decides_what_lost_setpoints_lead_to() {
+    let mode_after_loss = |action: i32, has_origin: bool| {
+        let mut flight = hovering(3);
+        assert!(flight.stub.params_mut().set("COM_OBL_RC_ACT", ParamValue::Int(action)));
+        if has_origin {
+            flight.send(&origin(0));
+        }
+        flight.wish = None;
+        flight.run(1.2);
+        flight.stub.mode()
+    };
+    assert_eq!(mode_after_loss(0, false), Px4Mode::Position);
+    assert_eq!(mode_after_loss(4, true), Px4Mode::Land);
+    assert_eq!(mode_after_loss(5, true), Px4Mode::Loiter);
+    assert_eq!(mode_after_loss(5, false), Px4Mode::Land, "Hold needs a global position");
 }
 
 #[test]
@@ -154,15 +172,7 @@ fn a_dead_autopilot_says_nothing_and_falls() {
 #[test]
 fn an_origin_with_an_altitude_throws_the_height_after_a_gap() {
     let mut flight = hovering(12);
-    #[expect(deprecated, reason = "PX4 v1.16 speaks it")]
-    let origin = MavMessage::SET_GPS_GLOBAL_ORIGIN(m::SET_GPS_GLOBAL_ORIGIN_DATA {
-        latitude: 473_977_418,
-        longitude: 85_455_939,
-        altitude: 489_400,
-        target_system: 1,
-        time_usec: 0,
-    });
-    flight.send(&origin);
+    flight.send(&origin(489_400));
     flight.sends_odometry = false;
     flight.run(1.0);
     flight.sends_odometry = true;

@@ -1,6 +1,6 @@
 //! What PX4 v1.16.1 refuses, and the words and numbers it uses.
 
-use crate::support::{Loop, OPERATOR, Wish, command_long, heartbeat, setpoint};
+use crate::support::{Loop, OPERATOR, Wish, command_long, heartbeat, origin, setpoint};
 use mavlink::dialects::ardupilotmega as m;
 use mavlink::dialects::ardupilotmega::{MavCmd, MavMessage, MavResult};
 use mavlink::types::CharArray;
@@ -18,7 +18,7 @@ fn on_pad() -> Loop {
 fn bits(flight: &mut Loop) -> (u32, u8, m::MavState) {
     flight.received.clear();
     flight.run(1.1);
-    let heartbeat = flight.last_heartbeat().unwrap();
+    let heartbeat = flight.last_heartbeat().expect("a heartbeat each second");
     (heartbeat.custom_mode, heartbeat.base_mode.bits(), heartbeat.system_status)
 }
 
@@ -105,15 +105,7 @@ fn modes_and_disarming_in_the_air() {
     flight.collect();
     assert!(flight.heard_text("Switching to Hold is currently not available"));
 
-    #[expect(deprecated, reason = "PX4 v1.16 speaks it")]
-    let origin = MavMessage::SET_GPS_GLOBAL_ORIGIN(m::SET_GPS_GLOBAL_ORIGIN_DATA {
-        latitude: 473_977_418,
-        longitude: 85_455_939,
-        altitude: 0,
-        target_system: 1,
-        time_usec: 0,
-    });
-    flight.send(&origin);
+    flight.send(&origin(0));
     flight.collect();
     assert!(flight.received.iter().any(|m| matches!(m, MavMessage::GPS_GLOBAL_ORIGIN(_))));
     assert_eq!(flight.set_mode(4.0, 3.0), [ACCEPTED, ACCEPTED]);

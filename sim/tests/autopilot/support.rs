@@ -3,6 +3,7 @@
 use mavlink::MavHeader;
 use mavlink::dialects::ardupilotmega as m;
 use mavlink::dialects::ardupilotmega::{MavCmd, MavMessage, MavResult};
+use std::collections::VecDeque;
 use std::time::Duration;
 use stockpilot::geometry::{Point, Rotation, Transform};
 use stockpilot::stats::{Noise, SeedBook};
@@ -39,12 +40,17 @@ pub(crate) struct Loop {
     pub(crate) sends_odometry: bool,
     pub(crate) odometry_hz: u64,
     pub(crate) odometry_sigma_m: f64,
+    /// Sends the velocity in FRD with ODOMETRY.
+    pub(crate) sends_velocity: bool,
+    /// From measurement to arrival.
+    pub(crate) odometry_delay: Duration,
     /// Added to the true position in ODOMETRY, `Hall`, m.
     pub(crate) odometry_error_m: [f64; 3],
     pub(crate) reset_counter: u8,
     pub(crate) estimator: m::MavEstimatorType,
     pub(crate) received: Vec<MavMessage>,
     pub(crate) ground: Vec<(MavHeader, MavMessage)>,
+    on_the_way: VecDeque<(Stamp<Mono>, MavMessage)>,
     commands: [f64; 4],
     noise: Noise,
     n_steps: u64,
@@ -63,6 +69,9 @@ impl Loop {
             sends_odometry: true,
             odometry_hz: 30,
             odometry_sigma_m: 0.0,
+            sends_velocity: false,
+            odometry_delay: Duration::ZERO,
+            on_the_way: VecDeque::new(),
             odometry_error_m: [0.0; 3],
             reset_counter: 0,
             estimator: m::MavEstimatorType::MAV_ESTIMATOR_TYPE_VISION,
@@ -86,13 +95,17 @@ impl Loop {
             self.commands = self.stub.step(&sensors);
         }
         if self.n_steps.is_multiple_of(1000 / self.odometry_hz) && self.sends_odometry {
+            let due = self.now().plus(self.odometry_delay);
             let odometry = self.odometry();
-            self.send(&odometry);
+            self.on_the_way.push_back((due, odometry));
         }
-        if self.n_steps.is_multiple_of(33) {
-            if let Some(wish) = self.wish {
-                self.send(&setpoint(&wish));
+        while self.on_the_way.front().is_some_and(|(due, _)| *due <= self.vehicle.now()) {
+            if let Some((_, odometry)) = self.on_the_way.pop_front() {
+                self.send(&odometry);
             }
+        }
+        if let Some(wish) = self.wish.filter(|_| self.n_steps.is_multiple_of(33)) {
+            self.send(&setpoint(&wish));
         }
         if self.n_steps.is_multiple_of(1000) {
             self.send(&heartbeat(m::MavType::MAV_TYPE_ONBOARD_CONTROLLER));
@@ -103,16 +116,15 @@ impl Loop {
     /// Takes what the stub said and answers its TIMESYNC.
     pub(crate) fn collect(&mut self) {
         for (_, message) in self.stub.take_outgoing() {
-            if let MavMessage::TIMESYNC(data) = &message {
-                if data.tc1 == 0 {
+            match message {
+                MavMessage::TIMESYNC(data) if data.tc1 == 0 => {
                     let tc1 = self.now().nanos();
                     let answer =
                         m::TIMESYNC_DATA { tc1, ts1: data.ts1, ..m::TIMESYNC_DATA::DEFAULT };
                     self.send(&MavMessage::TIMESYNC(answer));
-                    continue;
                 }
+                other => self.received.push(other),
             }
-            self.received.push(message);
         }
         self.ground.extend(self.stub.to_ground_station());
     }
@@ -146,6 +158,12 @@ impl Loop {
         let noise = self.noise.normal3() * self.odometry_sigma_m;
         let p = pose.origin.coords + noise + nalgebra::Vector3::from(self.odometry_error_m);
         let q = pose.rotation.quaternion();
+        let v = q.inverse() * self.vehicle.velocity_mps().coords;
+        let unless_sent = if self.sends_velocity { 0.0 } else { f32::NAN };
+        let mut velocity_covariance = [unless_sent; 21];
+        for index in [0, 6, 11] {
+            velocity_covariance[index] += 4e-4;
+        }
         let mut pose_covariance = [f32::NAN; 21];
         for index in [0, 6, 11] {
             pose_covariance[index] = 4e-4;
@@ -159,14 +177,14 @@ impl Loop {
             y: single(-p.y),
             z: single(-p.z),
             q: [single(q.w), single(q.i), single(-q.j), single(-q.k)],
-            vx: f32::NAN,
-            vy: f32::NAN,
-            vz: f32::NAN,
+            vx: single(v.x) + unless_sent,
+            vy: single(-v.y) + unless_sent,
+            vz: single(-v.z) + unless_sent,
             rollspeed: f32::NAN,
             pitchspeed: f32::NAN,
             yawspeed: f32::NAN,
             pose_covariance,
-            velocity_covariance: [f32::NAN; 21],
+            velocity_covariance,
             frame_id: m::MavFrame::MAV_FRAME_LOCAL_NED,
             child_frame_id: m::MavFrame::MAV_FRAME_BODY_FRD,
             reset_counter: self.reset_counter,
@@ -175,7 +193,7 @@ impl Loop {
         })
     }
 
-    /// Sends a command as COMMAND_LONG and returns the results of its acknowledgements.
+    /// Sends a command as `COMMAND_LONG` and returns the results of its acknowledgements.
     pub(crate) fn command(&mut self, command: MavCmd, params: [f32; 3]) -> Vec<MavResult> {
         let message = command_long(command, params, 1);
         self.received.clear();
@@ -300,4 +318,16 @@ pub(crate) fn setpoint(wish: &Wish) -> MavMessage {
 #[expect(clippy::cast_possible_truncation, reason = "the wire holds single precision")]
 pub(crate) fn single(value: f64) -> f32 {
     value as f32
+}
+
+/// A global origin in Zurich at this altitude.
+#[expect(deprecated, reason = "PX4 v1.16 speaks it")]
+pub(crate) fn origin(altitude_mm: i32) -> MavMessage {
+    MavMessage::SET_GPS_GLOBAL_ORIGIN(m::SET_GPS_GLOBAL_ORIGIN_DATA {
+        latitude: 473_977_418,
+        longitude: 85_455_939,
+        altitude: altitude_mm,
+        target_system: 1,
+        time_usec: 0,
+    })
 }

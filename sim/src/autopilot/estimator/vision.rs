@@ -43,6 +43,7 @@ pub(in crate::autopilot) struct VisionSample {
 
 /// State of the fusion.
 #[derive(Debug, Clone, Default)]
+#[expect(clippy::struct_excessive_bools, reason = "independent facts of the fusion")]
 pub(super) struct Vision {
     last: Option<VisionSample>,
     heard_at: Option<Stamp<Boot>>,
