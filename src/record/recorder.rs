@@ -42,11 +42,11 @@ pub enum RecordError {
 /// Counts since the log began.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct RecorderStats {
-    /// Entries written.
+    /// Entries flushed to the file; those of the last second follow.
     pub written: u64,
     /// Entries lost because the disk fell behind; the file tells where.
     pub lost_in_queue: u64,
-    /// Entries lost after the disk failed.
+    /// Entries lost because the disk failed, those of the unfinished chunk included.
     pub lost_on_disk: u64,
     /// The disk failed: nothing is written any more.
     pub has_failed: bool,
@@ -104,7 +104,7 @@ impl Recorder {
         let (queue, jobs) = sync_channel(QUEUE_ENTRIES);
         let (metronome_stop, stopped) = channel();
         let counts = Arc::new(Counts::default());
-        let scribe = Scribe { log: Some(log), sync, counts: Arc::clone(&counts) };
+        let scribe = Scribe { log: Some(log), sync, n_unflushed: 0, counts: Arc::clone(&counts) };
         let beats = queue.clone();
         let threads = vec![
             thread::Builder::new().name("log".into()).spawn(move || scribe.run(&jobs))?,
@@ -188,6 +188,7 @@ fn beat(stopped: &Receiver<()>, queue: &SyncSender<Job>) {
 struct Scribe<W: Write + Seek, S> {
     log: Option<LogWriter<W>>,
     sync: S,
+    n_unflushed: u64,
     counts: Arc<Counts>,
 }
 
@@ -199,44 +200,53 @@ impl<W: Write + Seek, S: FnMut() -> io::Result<()>> Scribe<W, S> {
                 Job::Flush => self.flush(),
             }
         }
-        if let Some(mut log) = self.log.take()
-            && let Err(error) = log.finish()
-        {
-            self.note_failure(&error);
+        if let Some(mut log) = self.log.take() {
+            let ended = log.finish();
+            self.settle(ended);
         }
     }
 
     fn write(&mut self, lost_before: u64, at: Stamp<Mono>, entry: &Entry) {
+        self.n_unflushed += 1;
         let Some(log) = &mut self.log else {
-            self.counts.lost_on_disk.fetch_add(1, Ordering::Relaxed);
+            self.count_lost();
             return;
         };
         let gap = if lost_before > 0 { log.write_lost(at, lost_before) } else { Ok(()) };
-        match gap.and_then(|()| log.write(at, entry)) {
-            Ok(()) => {
-                self.counts.written.fetch_add(1, Ordering::Relaxed);
-            }
-            Err(error) => {
-                self.counts.lost_on_disk.fetch_add(1, Ordering::Relaxed);
-                self.note_failure(&error);
-            }
+        if let Err(error) = gap.and_then(|()| log.write(at, entry)) {
+            self.settle(Err(error));
         }
     }
 
     fn flush(&mut self) {
         let Some(log) = &mut self.log else { return };
-        if let Err(error) = log.flush() {
-            self.note_failure(&error);
-        } else if let Err(error) = (self.sync)() {
+        let flushed = log.flush();
+        self.settle(flushed);
+        if let Err(error) = (self.sync)() {
             tracing::warn!(%error, "the log cannot be brought to the disk");
         }
     }
 
-    /// Gives up the file: after an error its writer cannot go on.
-    fn note_failure(&mut self, error: &WriteError) {
-        self.log = None;
-        self.counts.has_failed.store(true, Ordering::Relaxed);
-        tracing::error!(%error, "the log failed, nothing is recorded from here on");
+    /// Books the unflushed entries by how their flush went; gives up the file if it failed, for its
+    /// writer cannot go on.
+    fn settle(&mut self, outcome: Result<(), WriteError>) {
+        match outcome {
+            Ok(()) => {
+                self.counts.written.fetch_add(self.n_unflushed, Ordering::Relaxed);
+                self.n_unflushed = 0;
+            }
+            Err(error) => {
+                self.log = None;
+                self.count_lost();
+                self.counts.has_failed.store(true, Ordering::Relaxed);
+                tracing::error!(%error, "the log failed, nothing is recorded from here on");
+            }
+        }
+    }
+
+    fn count_lost(&mut self) {
+        self.counts.lost_on_disk.fetch_add(self.n_unflushed, Ordering::Relaxed);
+        self.n_unflushed = 0;
     }
 }
 

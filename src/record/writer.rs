@@ -47,6 +47,8 @@ impl<W: Write + Seek> LogWriter<W> {
             .library(concat!("stockpilot ", env!("CARGO_PKG_VERSION")))
             .compression(Some(Compression::Lz4))
             .chunk_size(Some(CHUNK_BYTES))
+            // Chunks are built in memory and appended whole: a kill never leaves a half-filled head.
+            .disable_seeking(true)
             .create(to)?;
         let (channels, views) = (BTreeMap::new(), BTreeMap::new());
         let mut log = Self { mcap, channels, views, sequence: 0 };
