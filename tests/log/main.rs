@@ -3,6 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 mod damaged_files;
+mod every_channel;
 mod replays;
 mod round_trips;
 mod support;
