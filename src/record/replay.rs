@@ -142,7 +142,7 @@ impl<S: FnMut(Event, &mut Vec<Action>)> Run<S> {
 
     fn take_event(&mut self, at: Stamp<Mono>, event: RecordedEvent) -> Result<bool, ReplayError> {
         if let Some(unlogged) = self.expected.pop_front() {
-            self.note(None, Some(unlogged));
+            self.note(None, Some(&unlogged));
             return Ok(false);
         }
         self.last_at = at;
@@ -175,12 +175,12 @@ impl<S: FnMut(Event, &mut Vec<Action>)> Run<S> {
         if is_equal {
             self.report.results_compared += 1;
         } else {
-            self.note(Some(shown(logged)), replayed);
+            self.note(Some(shown(&logged)), replayed.as_ref());
         }
         is_equal
     }
 
-    fn note(&mut self, logged: Option<(Topic, String)>, replayed: Option<Encoded>) {
+    fn note(&mut self, logged: Option<(Topic, String)>, replayed: Option<&Encoded>) {
         self.report.first_difference = Some(Difference {
             event_idx: self.report.events.saturating_sub(1),
             at: self.last_at,
@@ -190,6 +190,6 @@ impl<S: FnMut(Event, &mut Vec<Action>)> Run<S> {
     }
 }
 
-fn shown(message: Encoded) -> (Topic, String) {
+fn shown(message: &Encoded) -> (Topic, String) {
     (message.topic, String::from_utf8_lossy(&message.json).into_owned())
 }
