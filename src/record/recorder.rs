@@ -52,7 +52,7 @@ pub struct RecorderStats {
     pub has_failed: bool,
 }
 
-/// Hands events and results to the thread that writes them. Never blocks.
+/// Hands events and results to the thread that writes them. Never blocks, unless told to wait.
 ///
 /// Dropping or closing it waits for the rest to be written and ends the file properly.
 #[derive(Debug)]
@@ -62,6 +62,7 @@ pub struct Recorder {
     threads: Vec<JoinHandle<()>>,
     counts: Arc<Counts>,
     lost_here: u64,
+    waits: bool,
 }
 
 #[derive(Debug, Default)]
@@ -74,7 +75,15 @@ struct Counts {
 
 #[derive(Debug)]
 enum Job {
-    Write { lost_before: u64, at: Stamp<Mono>, entry: Box<Entry> },
+    Write {
+        lost_before: u64,
+        at: Stamp<Mono>,
+        entry: Box<Entry>,
+    },
+    /// Entries were lost and none came after them.
+    EndGap {
+        n_entries: u64,
+    },
     Flush,
 }
 
@@ -113,7 +122,16 @@ impl Recorder {
                 .spawn(move || beat(&stopped, &beats))?,
         ];
         let metronome_stop = Some(metronome_stop);
-        Ok(Self { queue: Some(queue), metronome_stop, threads, counts, lost_here: 0 })
+        let queue = Some(queue);
+        Ok(Self { queue, metronome_stop, threads, counts, lost_here: 0, waits: false })
+    }
+
+    /// The same recorder, but it waits for the disk instead of losing entries: for flights faster
+    /// than real time, where nobody falls from the sky meanwhile.
+    #[must_use]
+    pub const fn waiting(mut self) -> Self {
+        self.waits = true;
+        self
     }
 
     /// Records what the brain is told at `at`; call it before the results that follow from it.
@@ -147,7 +165,9 @@ impl Recorder {
     fn put(&mut self, at: Stamp<Mono>, entry: Entry) {
         let Some(queue) = &self.queue else { return };
         let job = Job::Write { lost_before: self.lost_here, at, entry: Box::new(entry) };
-        if queue.try_send(job).is_ok() {
+        let is_taken =
+            if self.waits { queue.send(job).is_ok() } else { queue.try_send(job).is_ok() };
+        if is_taken {
             self.lost_here = 0;
         } else {
             self.lost_here += 1;
@@ -160,7 +180,13 @@ impl Recorder {
 
     fn end(&mut self) {
         self.metronome_stop = None;
-        self.queue = None;
+        let n_entries = std::mem::take(&mut self.lost_here);
+        if let Some(queue) = self.queue.take()
+            && n_entries > 0
+            && queue.send(Job::EndGap { n_entries }).is_err()
+        {
+            tracing::error!(n_entries, "the log ended before it could tell what it lost");
+        }
         for thread in self.threads.drain(..) {
             if thread.join().is_err() {
                 tracing::error!("a thread of the log panicked");
@@ -197,6 +223,7 @@ impl<W: Write + Seek, S: FnMut() -> io::Result<()>> Scribe<W, S> {
         for job in jobs {
             match job {
                 Job::Write { lost_before, at, entry } => self.write(lost_before, at, &entry),
+                Job::EndGap { n_entries } => self.note_end_gap(n_entries),
                 Job::Flush => self.flush(),
             }
         }
@@ -214,6 +241,13 @@ impl<W: Write + Seek, S: FnMut() -> io::Result<()>> Scribe<W, S> {
         };
         let gap = if lost_before > 0 { log.write_lost(at, lost_before) } else { Ok(()) };
         if let Err(error) = gap.and_then(|()| log.write(at, entry)) {
+            self.settle(Err(error));
+        }
+    }
+
+    fn note_end_gap(&mut self, n_entries: u64) {
+        let Some(log) = &mut self.log else { return };
+        if let Err(error) = log.write_lost(Stamp::ZERO, n_entries) {
             self.settle(Err(error));
         }
     }

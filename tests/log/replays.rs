@@ -99,6 +99,31 @@ fn a_cut_log_replays_up_to_the_cut() {
 }
 
 #[test]
+fn a_waiting_recorder_loses_nothing_and_a_gap_ends_a_replay() {
+    let folder = tempfile::tempdir().unwrap();
+    let steps = flight(20_000);
+    let written = |name: &str, waits: bool| {
+        let path = folder.path().join(name);
+        let recorder = Recorder::create(&path, &LogHeader::default()).unwrap();
+        let mut recorder = if waits { recorder.waiting() } else { recorder };
+        for (event, actions) in &steps {
+            recorder.event(Stamp::ZERO, event);
+            actions.iter().for_each(|action| recorder.result(Stamp::ZERO, action));
+        }
+        (recorder.close(), replayed(&path))
+    };
+    let (stats, report) = written("waits.mcap", true);
+    assert_eq!((stats.written, stats.lost_in_queue), (26_666, 0));
+    assert!(report.identical && report.is_complete);
+    assert_eq!(report.events, 20_000);
+
+    // Without waiting the disk may or may not keep up; what the file says is true either way.
+    let (stats, report) = written("loses.mcap", false);
+    assert!(report.identical);
+    assert_eq!(report.is_complete, stats.lost_in_queue == 0);
+}
+
+#[test]
 fn a_job_that_never_began_cannot_finish() {
     // The only way to such a log is another build's log, so it is made of recorded bytes.
     let folder = tempfile::tempdir().unwrap();

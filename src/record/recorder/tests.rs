@@ -61,6 +61,7 @@ fn a_full_queue_is_counted_and_told_with_the_next_entry() {
         threads: Vec::new(),
         counts,
         lost_here: 0,
+        waits: false,
     };
     (0..5).for_each(|n| recorder.event(Stamp::ZERO, &tick(n)));
     assert_eq!(recorder.stats().lost_in_queue, 3);
@@ -70,11 +71,17 @@ fn a_full_queue_is_counted_and_told_with_the_next_entry() {
     assert_eq!(lost_before(&jobs.recv().unwrap()), 3);
     recorder.event(Stamp::ZERO, &tick(6));
     assert_eq!(lost_before(&jobs.recv().unwrap()), 0);
+    // A gap at the very end is told too, though no entry follows it.
+    (0..4).for_each(|n| recorder.event(Stamp::ZERO, &tick(n)));
+    let ending = thread::spawn(move || drop(recorder));
+    let last = jobs.iter().last().unwrap();
+    ending.join().unwrap();
+    assert!(matches!(last, Job::EndGap { n_entries: 2 }));
 }
 
 fn lost_before(job: &Job) -> u64 {
     match job {
         Job::Write { lost_before, .. } => *lost_before,
-        Job::Flush => 0,
+        Job::EndGap { .. } | Job::Flush => 0,
     }
 }
