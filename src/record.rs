@@ -1,1 +1,34 @@
-//! record
+//! The log: an MCAP file that holds every event, every result and the configuration.
+//!
+//! ```text
+//! brain ─ event, result ─▶ Recorder ─ bounded channel ─▶ thread ─▶ file.mcap
+//! file.mcap ─▶ LogReader ─ events, results ─▶ replay ─▶ ReplayReport
+//! ```
+//! | topics | encoding | role |
+//! | --- | --- | --- |
+//! | `/event/*` | JSON with a JSON schema | what the brain was told, without loss, in its order |
+//! | `/result/*` | JSON with a JSON schema | what the brain gave out, between its events |
+//! | `/config` | JSON | versions and the effective configuration; first message |
+//! | `/record/lost` | JSON | how many entries are missing at this place |
+//! | `/view/*` | Foxglove schemas, protobuf | derived for viewers; no replay looks at them |
+//!
+//! All times in the file are nanoseconds on the service's monotonic clock. Jobs are recorded by
+//! number only: they are pure functions of what the brain gave them, so a replay runs them again
+//! and hands the output over at the recorded place.
+
+mod build;
+mod entry;
+mod reader;
+mod recorder;
+pub mod replay;
+mod topic;
+mod twin;
+mod view;
+mod writer;
+
+pub use build::build_identity;
+pub use entry::RecordedEvent;
+pub use reader::{LogItem, LogReader};
+pub use recorder::{RecordError, Recorder, RecorderStats};
+pub use topic::Topic;
+pub use writer::LogHeader;

@@ -104,6 +104,26 @@ async fn two_turns_come_through_a_serial_line() {
 }
 
 #[tokio::test]
+async fn a_hundred_turns_come_without_loss() {
+    // 176 kB, ten times what a pseudo-terminal holds: writing waits for the reader.
+    let mut rig = rig(256);
+    let bytes = stream(3750);
+    let line = rig.line;
+    let sending = std::thread::spawn(move || {
+        line.send(&bytes);
+        line
+    });
+    let status = wait_until(&mut rig.status, |status| status.stats.frames == 3750).await;
+    let line = sending.join().unwrap();
+    assert_eq!((status.stats.missing_samples, status.stats.skipped_bytes), (0, 0));
+    drop(line);
+    // Unplugged, the driver hands over the last, unfinished turn too.
+    let is_all = |status: &LidarStatus| status.stats.beams == 3750 * 12;
+    let status = wait_until(&mut rig.status, is_all).await;
+    assert_eq!(status.stats.lost_beams, 0);
+}
+
+#[tokio::test]
 async fn stopping_hands_over_nothing_more_and_ends_the_thread() {
     let mut rig = rig(16);
     rig.driver.stop();

@@ -50,3 +50,48 @@ fn advance_deg(previous: &Frame, next: &Frame) -> f64 {
 fn whole(n_frames: f64) -> u32 {
     n_frames.round().max(1.0) as u32
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lidar::ldrobot::Sample;
+
+    /// Frame number `frame_idx` of a sensor whose head turns at `speed` °/s.
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "angles and times are wrapped to their ranges first"
+    )]
+    fn frame(model: Model, speed: u16, frame_idx: u32) -> Frame {
+        let time_s = f64::from(frame_idx) * 12.0 / f64::from(model.samples_per_s());
+        let start_deg = (123.0 + time_s * f64::from(speed)).rem_euclid(360.0);
+        Frame {
+            speed_deg_per_s: speed,
+            start_cdeg: (start_deg * 100.0) as u16,
+            end_cdeg: 0,
+            timestamp_ms: ((time_s * 1000.0 + 29_000.0) % 30_000.0) as u16,
+            samples: [Sample::default(); FRAME_SAMPLES],
+        }
+    }
+
+    #[test]
+    fn counts_frames_over_many_turns_on_both_sensors() {
+        for model in Model::ALL {
+            for speed in [2100, 3600, 4600] {
+                for n_frames in [1, 2, 3, 10, 37, 38, 100, 179, 180, 181, 540, 1000] {
+                    let first = frame(model, speed, 7);
+                    let next = frame(model, speed, 7 + n_frames);
+                    let counted = frames_between(&first, &next, model);
+                    assert_eq!(counted, n_frames, "{model:?} at {speed} °/s");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_standing_head_leaves_the_count_to_the_device_time() {
+        let (first, next) = (frame(Model::Ld19, 0, 0), frame(Model::Ld19, 0, 30));
+        assert_eq!(frames_between(&first, &next, Model::Ld19), 30);
+        assert_eq!(frames_between(&first, &first, Model::Ld19), 1);
+    }
+}

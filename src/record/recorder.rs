@@ -1,0 +1,288 @@
+//! The thread that writes the log.
+
+use super::entry::Entry;
+use super::writer::{LogHeader, LogWriter, WriteError};
+use crate::pilot::{Action, Event};
+use crate::time::{Mono, Stamp};
+use std::fs::File;
+use std::io::{self, BufWriter, Seek, Write};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, channel, sync_channel};
+use std::sync::{Arc, mpsc};
+use std::thread::{self, JoinHandle};
+use std::time::Duration;
+
+/// Entries that may wait for the disk: about ten seconds of flight.
+const QUEUE_ENTRIES: usize = 8192;
+/// Wall time between two flushes; a killed program loses no more than this and one write.
+const FLUSH_PERIOD: Duration = Duration::from_millis(800);
+
+/// Why a log could not be begun or ended.
+#[derive(Debug, thiserror::Error)]
+pub enum RecordError {
+    /// The file cannot be created; it must not exist yet.
+    #[error("cannot create log {}: {cause}", path.display())]
+    Create {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        cause: io::Error,
+    },
+    /// The first records cannot be written.
+    #[error("cannot begin log {}: {cause}", path.display())]
+    Begin {
+        /// The file.
+        path: PathBuf,
+        /// What went wrong.
+        cause: String,
+    },
+}
+
+/// Counts since the log began.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct RecorderStats {
+    /// Entries flushed to the file; those of the last second follow.
+    pub written: u64,
+    /// Entries lost because the disk fell behind; the file tells where.
+    pub lost_in_queue: u64,
+    /// Entries lost because the disk failed, those of the unfinished chunk included.
+    pub lost_on_disk: u64,
+    /// The disk failed: nothing is written any more.
+    pub has_failed: bool,
+}
+
+/// Hands events and results to the thread that writes them. Never blocks, unless told to wait.
+///
+/// Dropping or closing it waits for the rest to be written and ends the file properly.
+#[derive(Debug)]
+pub struct Recorder {
+    queue: Option<SyncSender<Job>>,
+    metronome_stop: Option<mpsc::Sender<()>>,
+    threads: Vec<JoinHandle<()>>,
+    counts: Arc<Counts>,
+    lost_here: u64,
+    waits: bool,
+}
+
+#[derive(Debug, Default)]
+struct Counts {
+    written: AtomicU64,
+    lost_in_queue: AtomicU64,
+    lost_on_disk: AtomicU64,
+    has_failed: AtomicBool,
+}
+
+#[derive(Debug)]
+enum Job {
+    Write {
+        lost_before: u64,
+        at: Stamp<Mono>,
+        entry: Box<Entry>,
+    },
+    /// Entries were lost and none came after them.
+    EndGap {
+        n_entries: u64,
+    },
+    Flush,
+}
+
+impl Recorder {
+    /// Creates the file, which must not exist yet, and writes its head.
+    ///
+    /// # Errors
+    /// The file cannot be created or written.
+    pub fn create(path: &Path, header: &LogHeader) -> Result<Self, RecordError> {
+        let create = |cause| RecordError::Create { path: path.into(), cause };
+        let begin = |cause: String| RecordError::Begin { path: path.into(), cause };
+        let file = File::create_new(path).map_err(create)?;
+        let to_sync = file.try_clone().map_err(create)?;
+        let log = LogWriter::begin(BufWriter::new(file), header)
+            .map_err(|cause| begin(cause.to_string()))?;
+        Self::spawn(log, move || to_sync.sync_data()).map_err(|cause| begin(cause.to_string()))
+    }
+
+    /// Starts the threads over a begun log; `sync` brings flushed bytes to the disk.
+    fn spawn<W>(
+        log: LogWriter<W>,
+        sync: impl FnMut() -> io::Result<()> + Send + 'static,
+    ) -> io::Result<Self>
+    where
+        W: Write + Seek + Send + 'static,
+    {
+        let (queue, jobs) = sync_channel(QUEUE_ENTRIES);
+        let (metronome_stop, stopped) = channel();
+        let counts = Arc::new(Counts::default());
+        let scribe = Scribe { log: Some(log), sync, n_unflushed: 0, counts: Arc::clone(&counts) };
+        let beats = queue.clone();
+        let threads = vec![
+            thread::Builder::new().name("log".into()).spawn(move || scribe.run(&jobs))?,
+            thread::Builder::new()
+                .name("log-flush".into())
+                .spawn(move || beat(&stopped, &beats))?,
+        ];
+        let metronome_stop = Some(metronome_stop);
+        let queue = Some(queue);
+        Ok(Self { queue, metronome_stop, threads, counts, lost_here: 0, waits: false })
+    }
+
+    /// The same recorder, but it waits for the disk instead of losing entries: for flights faster
+    /// than real time, where nobody falls from the sky meanwhile.
+    #[must_use]
+    pub const fn waiting(mut self) -> Self {
+        self.waits = true;
+        self
+    }
+
+    /// Records what the brain is told at `at`; call it before the results that follow from it.
+    pub fn event(&mut self, at: Stamp<Mono>, event: &Event) {
+        self.put(at, Entry::from(event));
+    }
+
+    /// Records what the brain gave out at `at`.
+    pub fn result(&mut self, at: Stamp<Mono>, action: &Action) {
+        self.put(at, Entry::from(action));
+    }
+
+    /// Counts so far.
+    #[must_use]
+    pub fn stats(&self) -> RecorderStats {
+        RecorderStats {
+            written: self.counts.written.load(Ordering::Relaxed),
+            lost_in_queue: self.counts.lost_in_queue.load(Ordering::Relaxed),
+            lost_on_disk: self.counts.lost_on_disk.load(Ordering::Relaxed),
+            has_failed: self.counts.has_failed.load(Ordering::Relaxed),
+        }
+    }
+
+    /// Writes what waits, ends the file, and tells the final counts.
+    #[must_use]
+    pub fn close(mut self) -> RecorderStats {
+        self.end();
+        self.stats()
+    }
+
+    fn put(&mut self, at: Stamp<Mono>, entry: Entry) {
+        let Some(queue) = &self.queue else { return };
+        let job = Job::Write { lost_before: self.lost_here, at, entry: Box::new(entry) };
+        let is_taken =
+            if self.waits { queue.send(job).is_ok() } else { queue.try_send(job).is_ok() };
+        if is_taken {
+            self.lost_here = 0;
+        } else {
+            self.lost_here += 1;
+            let lost = self.counts.lost_in_queue.fetch_add(1, Ordering::Relaxed);
+            if lost == 0 {
+                tracing::error!("the log falls behind: entries are lost, the file tells where");
+            }
+        }
+    }
+
+    fn end(&mut self) {
+        self.metronome_stop = None;
+        let n_entries = std::mem::take(&mut self.lost_here);
+        if let Some(queue) = self.queue.take()
+            && n_entries > 0
+            && queue.send(Job::EndGap { n_entries }).is_err()
+        {
+            tracing::error!(n_entries, "the log ended before it could tell what it lost");
+        }
+        for thread in self.threads.drain(..) {
+            if thread.join().is_err() {
+                tracing::error!("a thread of the log panicked");
+            }
+        }
+    }
+}
+
+impl Drop for Recorder {
+    fn drop(&mut self) {
+        self.end();
+    }
+}
+
+/// Asks for a flush in equal steps of wall time until told to stop.
+fn beat(stopped: &Receiver<()>, queue: &SyncSender<Job>) {
+    while stopped.recv_timeout(FLUSH_PERIOD) == Err(RecvTimeoutError::Timeout) {
+        if queue.send(Job::Flush).is_err() {
+            return;
+        }
+    }
+}
+
+/// What the writing thread owns; the log is gone once the disk has failed.
+struct Scribe<W: Write + Seek, S> {
+    log: Option<LogWriter<W>>,
+    sync: S,
+    n_unflushed: u64,
+    counts: Arc<Counts>,
+}
+
+impl<W: Write + Seek, S: FnMut() -> io::Result<()>> Scribe<W, S> {
+    fn run(mut self, jobs: &Receiver<Job>) {
+        for job in jobs {
+            match job {
+                Job::Write { lost_before, at, entry } => self.write(lost_before, at, &entry),
+                Job::EndGap { n_entries } => self.note_end_gap(n_entries),
+                Job::Flush => self.flush(),
+            }
+        }
+        if let Some(mut log) = self.log.take() {
+            let ended = log.finish();
+            self.settle(ended);
+        }
+    }
+
+    fn write(&mut self, lost_before: u64, at: Stamp<Mono>, entry: &Entry) {
+        self.n_unflushed += 1;
+        let Some(log) = &mut self.log else {
+            self.count_lost();
+            return;
+        };
+        let gap = if lost_before > 0 { log.write_lost(at, lost_before) } else { Ok(()) };
+        if let Err(error) = gap.and_then(|()| log.write(at, entry)) {
+            self.settle(Err(error));
+        }
+    }
+
+    fn note_end_gap(&mut self, n_entries: u64) {
+        let Some(log) = &mut self.log else { return };
+        if let Err(error) = log.write_lost(Stamp::ZERO, n_entries) {
+            self.settle(Err(error));
+        }
+    }
+
+    fn flush(&mut self) {
+        let Some(log) = &mut self.log else { return };
+        let flushed = log.flush();
+        self.settle(flushed);
+        if let Err(error) = (self.sync)() {
+            tracing::warn!(%error, "the log cannot be brought to the disk");
+        }
+    }
+
+    /// Books the unflushed entries by how their flush went; gives up the file if it failed, for its
+    /// writer cannot go on.
+    fn settle(&mut self, outcome: Result<(), WriteError>) {
+        match outcome {
+            Ok(()) => {
+                self.counts.written.fetch_add(self.n_unflushed, Ordering::Relaxed);
+                self.n_unflushed = 0;
+            }
+            Err(error) => {
+                self.log = None;
+                self.count_lost();
+                self.counts.has_failed.store(true, Ordering::Relaxed);
+                tracing::error!(%error, "the log failed, nothing is recorded from here on");
+            }
+        }
+    }
+
+    fn count_lost(&mut self) {
+        self.counts.lost_on_disk.fetch_add(self.n_unflushed, Ordering::Relaxed);
+        self.n_unflushed = 0;
+    }
+}
+
+#[cfg(test)]
+mod tests;

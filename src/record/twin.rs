@@ -1,0 +1,18 @@
+//! The recorded form of everything the brain takes in and gives out.
+//!
+//! The twins describe the inner types field by field (`serde(remote)`), so a change of an inner type
+//! stops the build here instead of changing the log in silence. Units are in the keys.
+
+mod enums;
+mod events;
+mod results;
+mod scalars;
+
+pub(super) use events::{
+    AutopilotPoseTwin, BatteryTwin, CommandOutcomeTwin, FinishedTwin, ImuTwin, InstantTwin,
+    OperatorTwin, ScanTwin, TagsTwin, VehicleTwin,
+};
+pub(super) use results::{
+    AnswerTwin, CommandTwin, EndedTwin, FixTwin, OdometryTwin, PhaseTwin, SetpointTwin,
+    StartedTwin, SurfaceTwin, TextTwin, VolumeReportTwin,
+};

@@ -1,0 +1,243 @@
+//! One log with a message on every channel that a recorder fills.
+
+use crate::support::{imu_event, write_log};
+use nalgebra::{Matrix6, SMatrix, Vector3};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use stockpilot::geometry::{Body, Direction, Hall, Point, Rotation, Transform};
+use stockpilot::messages::{
+    AutopilotPose, BatterySample, Beam, CameraId, CommandOutcome, FixOutcome, FixRecord,
+    FlightMode, GridGeometry, HeightMap, HitCounts, LandedState, NavEstimate, OperatorAnswer,
+    OperatorCommand, OperatorRequest, OperatorVerb, Scan, Setpoint, Severity, StatusText,
+    TagDetection, TagDetections, TagFamily, VehicleCommand, VehicleState, Verdict, VolumeEstimate,
+};
+use stockpilot::mission::Phase;
+use stockpilot::pilot::{Action, Event, FlightSummary, PhaseChange, VolumeReport};
+use stockpilot::record::{LogItem, LogReader, Topic};
+use stockpilot::time::{Mono, Stamp};
+
+const AT: Stamp<Mono> = Stamp::from_nanos(2_000_000_123);
+
+fn pose() -> Transform<Hall, Body> {
+    Transform::new(Rotation::from_euler_rad(0.1, -0.2, 2.0), Point::new(1.5, -2.5, 3.25))
+}
+
+fn operator() -> OperatorRequest {
+    OperatorRequest { system: 255, component: 190 }
+}
+
+fn events() -> Vec<Event> {
+    let beam = |i: u16| Beam {
+        offset_ns: u32::from(i) * 222_222,
+        angle_rad: 3.0 - f32::from(i) * 0.1,
+        range_m: 2.0,
+        intensity: 7,
+    };
+    let tag = TagDetection {
+        id: 4,
+        family: TagFamily::Tag25h9,
+        corners_px: [[1.0, 2.0], [3.0, 4.0], [5.0, 6.0], [7.0, 8.0]],
+        decision_margin: 61.5,
+    };
+    vec![
+        Event::Ticked(AT),
+        imu_event(3),
+        Event::Scanned(Scan { start: AT, beams: (0..60).map(beam).collect() }),
+        Event::TagsSeen(TagDetections {
+            captured_at: AT,
+            received_at: AT,
+            camera: CameraId(1),
+            tags: vec![tag],
+        }),
+        Event::Vehicle(VehicleState {
+            at: AT,
+            is_armed: true,
+            mode: FlightMode::Other(17),
+            landed: LandedState::InAir,
+            in_failsafe: false,
+        }),
+        Event::Battery(BatterySample {
+            at: AT,
+            voltage_v: 15.2,
+            current_a: 11.0,
+            remaining_ratio: 0.5,
+        }),
+        Event::AutopilotPose(AutopilotPose {
+            at: AT,
+            position: Point::new(1.0, 2.0, 3.0),
+            velocity_mps: Direction::zero(),
+            hall_from_body_rot: Some(pose().rotation),
+        }),
+        Event::CommandAnswered(CommandOutcome {
+            at: AT,
+            command: VehicleCommand::EnterCompanionMode,
+            is_accepted: true,
+        }),
+        Event::Operator(OperatorCommand { at: AT, verb: OperatorVerb::Start, from: operator() }),
+        Event::AutopilotLost(AT),
+    ]
+}
+
+fn volume() -> VolumeEstimate {
+    VolumeEstimate { at: AT, volume_m3: 40.25, sigma_m3: 0.5, coverage_ratio: 0.75 }
+}
+
+fn nav() -> NavEstimate {
+    NavEstimate {
+        at: AT,
+        hall_from_body: pose(),
+        velocity_mps: Direction::new(0.5, 0.0, 0.0),
+        gyro_radps: Vector3::new(0.0, 0.0, 0.25),
+        gyro_bias_radps: Vector3::zeros(),
+        accel_bias_mps2: Vector3::zeros(),
+        // Row 1, column 2 holds 17, so the order of the list shows.
+        error_cov: SMatrix::from_fn(|row, col| if (row, col) == (1, 2) { 17.0 } else { 0.0 }),
+        reset_counter: 3,
+    }
+}
+
+fn fix() -> FixRecord {
+    FixRecord {
+        at: AT,
+        age_s: 0.05,
+        n_tags: 2,
+        n_tags_used: 1,
+        fix: Some(FixOutcome {
+            hall_from_body: pose(),
+            pose_cov: Matrix6::identity(),
+            residual_rms_px: 0.25,
+            q_pos: 12.5,
+        }),
+        innovation: Some([0.5; 6]),
+        nis: None,
+        nis_gate: 16.8119,
+        verdict: Verdict::Fused,
+    }
+}
+
+fn surface() -> HeightMap {
+    let grid = GridGeometry { x_min_m: -1.0, y_min_m: -2.0, cell_m: 0.5, n_cols: 3, n_rows: 2 };
+    HeightMap { at: AT, grid, mean_m: vec![0.5; 6], sigma_m: vec![0.25; 6] }
+}
+
+fn actions() -> Vec<Action> {
+    let setpoint = Setpoint {
+        at: AT,
+        position: Point::new(1.0, 2.0, 3.0),
+        velocity_mps: Direction::zero(),
+        accel_mps2: Direction::zero(),
+        yaw_rad: 0.5,
+        yaw_rate_radps: 0.0,
+    };
+    let report = VolumeReport {
+        estimate: volume(),
+        hits: HitCounts::default(),
+        phase: Phase::Survey,
+        steps_done: 4,
+        battery_ratio: Some(0.5),
+        position_sigma_m: None,
+        is_final: false,
+    };
+    let change = PhaseChange {
+        at: AT,
+        from: Phase::TakeOff,
+        to: Phase::Survey,
+        reason: "height reached".into(),
+    };
+    let summary = FlightSummary {
+        at: AT,
+        volume: volume(),
+        hits: HitCounts::default(),
+        steps_done: 4,
+        path_length_m: 31.5,
+        is_complete: true,
+    };
+    vec![
+        Action::Steer(setpoint),
+        Action::PublishOdometry(Box::new(nav())),
+        Action::Command(VehicleCommand::EnterLand),
+        Action::ReportVolume(report),
+        Action::Say(StatusText { severity: Severity::Warning, text: "battery \"low\"".into() }),
+        Action::Answer(OperatorAnswer {
+            verb: OperatorVerb::Start,
+            to: operator(),
+            is_accepted: true,
+        }),
+        Action::PhaseChanged(change),
+        Action::FixTreated(Box::new(fix())),
+        Action::SurfaceSolved(Box::new(surface())),
+        Action::Ended(Box::new(summary)),
+    ]
+}
+
+/// Kept behind the tests, for readers in other languages.
+fn written_log() -> PathBuf {
+    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join("every_channel.mcap");
+    if path.exists() {
+        std::fs::remove_file(&path).unwrap();
+    }
+    let mut steps: Vec<_> = events().into_iter().map(|event| (event, vec![])).collect();
+    steps.last_mut().unwrap().1 = actions();
+    write_log(&path, &steps);
+    path
+}
+
+#[test]
+fn results_are_recorded_with_their_units_and_names() {
+    let path = written_log();
+    let mut results = BTreeMap::new();
+    let mut seen = Vec::new();
+    for item in LogReader::open(&path).unwrap() {
+        match item {
+            LogItem::Result { topic, json, .. } => {
+                let message: serde_json::Value = serde_json::from_slice(&json).unwrap();
+                results.insert(topic, message);
+            }
+            LogItem::Event { event, .. } => seen.push(event),
+            _ => {}
+        }
+    }
+    assert_eq!(seen.len(), 10);
+    assert_eq!(results.len(), 10);
+    let of = |topic: Topic| &results[&topic];
+    assert_eq!(of(Topic::Setpoint)["position_m"], serde_json::json!([1.0, 2.0, 3.0]));
+    assert_eq!(of(Topic::Command)["command"], "enter_land");
+    assert_eq!(of(Topic::Odometry)["error_cov"][17], 17.0);
+    assert_eq!(of(Topic::Odometry)["hall_from_body"]["origin_m"][2], 3.25);
+    assert_eq!(of(Topic::Volume)["estimate"]["volume_m3"], 40.25);
+    assert_eq!(of(Topic::Volume)["position_sigma_m"], serde_json::Value::Null);
+    assert_eq!(of(Topic::Text)["text"], "battery \"low\"");
+    assert_eq!(of(Topic::Phase)["to"], "survey");
+    assert_eq!(of(Topic::Fix)["verdict"], "fused");
+    assert_eq!(of(Topic::Fix)["fix"]["q_pos"], 12.5);
+    assert_eq!(of(Topic::Surface)["grid"]["n_cols"], 3);
+    assert_eq!(of(Topic::Ended)["path_length_m"], 31.5);
+}
+
+#[test]
+fn viewers_find_every_derived_channel() {
+    // Read by the MCAP library itself: the project's own reader passes over these channels.
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("flight.mcap");
+    let steps = vec![(events().remove(2), actions())];
+    write_log(&path, &steps);
+    let bytes = std::fs::read(&path).unwrap();
+    let mut views = BTreeMap::new();
+    for message in mcap::MessageStream::new(&bytes).unwrap() {
+        let message = message.unwrap();
+        if message.channel.topic.starts_with("/view/") {
+            let schema = message.channel.schema.as_ref().unwrap().name.clone();
+            views.insert(message.channel.topic.clone(), (schema, message.data.len()));
+        }
+    }
+    let names: Vec<_> = views.iter().map(|(topic, (schema, _))| (&**topic, &**schema)).collect();
+    let expected = [
+        ("/view/log", "foxglove.Log"),
+        ("/view/pose", "foxglove.PoseInFrame"),
+        ("/view/scan", "foxglove.LaserScan"),
+        ("/view/surface", "foxglove.Grid"),
+    ];
+    assert_eq!(names, expected);
+    // Six cells of two single-precision numbers, and the head of the message.
+    assert!(views["/view/surface"].1 > 48);
+}
