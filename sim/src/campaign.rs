@@ -44,6 +44,8 @@ struct DirectFlight {
     rig: Rig,
     operator: Operator,
     session: Session,
+    /// What followed from messages after the last step's events were handed over.
+    answers: SessionOutput,
     pilot: Pilot,
     turns: TurnAssembler,
     poses: PoseJudge,
@@ -53,11 +55,14 @@ struct DirectFlight {
     flight: Option<FlightSummary>,
 }
 
-/// Flies one scenario from start to landing.
+/// Flies one scenario from start to landing; `on_action` sees everything the brain wants, for traces.
 ///
 /// # Errors
 /// A configuration that does not fit, or a flight without an end.
-pub fn run(scenario: &Scenario) -> Result<RunReport, CampaignError> {
+pub fn run(
+    scenario: &Scenario,
+    mut on_action: impl FnMut(Stamp<Mono>, &Action),
+) -> Result<RunReport, CampaignError> {
     let began = wall_clock();
     let config = config(scenario, Devices::none());
     let mut flight = DirectFlight {
@@ -69,6 +74,7 @@ pub fn run(scenario: &Scenario) -> Result<RunReport, CampaignError> {
         ),
         operator: Operator::default(),
         session: Session::new(config.link_settings()?),
+        answers: SessionOutput::default(),
         pilot: Pilot::new(config.pilot_settings()?),
         turns: TurnAssembler::default(),
         poses: PoseJudge::default(),
@@ -79,7 +85,7 @@ pub fn run(scenario: &Scenario) -> Result<RunReport, CampaignError> {
     };
     let limit = Stamp::ZERO.plus(LONGEST_FLIGHT);
     while flight.flight.is_none() && flight.rig.now() < limit {
-        flight.step();
+        flight.step(&mut on_action);
     }
     let Some(summary) = flight.flight else {
         return Err(CampaignError::NoEnd {
@@ -106,10 +112,10 @@ fn wall_clock() -> Instant {
 
 impl DirectFlight {
     /// 5 ms of flight.
-    fn step(&mut self) {
+    fn step(&mut self, on_action: &mut impl FnMut(Stamp<Mono>, &Action)) {
         let output = self.rig.step();
         let now = self.rig.now();
-        let mut out = SessionOutput::default();
+        let mut out = std::mem::take(&mut self.answers);
         for (header, message) in &output.to_companion {
             self.session.on_message(header, message, now, &mut out);
         }
@@ -135,6 +141,7 @@ impl DirectFlight {
             self.pilot.step(event, &mut actions);
         }
         for action in actions {
+            on_action(now, &action);
             self.act(action, now, &mut out);
         }
         let header = self.session.header();
@@ -142,6 +149,10 @@ impl DirectFlight {
             let vehicle = self.rig.vehicle();
             self.poses.hear(message, |at| vehicle.pose_at(at));
             self.rig.autopilot_mut().on_message(now, header, message);
+        }
+        // Answers leave at once: half a step of delay would shift the clock offset by as much.
+        for (header, message) in self.rig.autopilot_mut().take_outgoing() {
+            self.session.on_message(&header, &message, now, &mut self.answers);
         }
         self.operator.step(now, self.rig.autopilot_mut());
     }

@@ -3,6 +3,9 @@
 use clap::{Args, Parser, Subcommand};
 use std::ops::Range;
 use std::process::ExitCode;
+use stockpilot::messages::Verdict;
+use stockpilot::pilot::Action;
+use stockpilot::time::{Mono, Stamp};
 use stockpilot_sim::campaign;
 use stockpilot_sim::report::CampaignReport;
 use stockpilot_sim::scenario::ScenarioArgs;
@@ -31,6 +34,9 @@ struct CampaignArgs {
     /// Print one JSON object instead of a table.
     #[arg(long)]
     json: bool,
+    /// Print what the brain says and decides.
+    #[arg(long)]
+    trace: bool,
 }
 
 fn seeds(text: &str) -> Result<Range<u64>, String> {
@@ -48,11 +54,30 @@ fn main() -> anyhow::Result<ExitCode> {
     }
 }
 
+#[expect(clippy::print_stderr, reason = "the program's output")]
+fn trace(at: Stamp<Mono>, action: &Action) {
+    match action {
+        Action::Say(text) => eprintln!("{at:?} {:?}: {}", text.severity, text.text),
+        Action::PhaseChanged(change) => {
+            eprintln!("{at:?} {} → {}: {}", change.from.name(), change.to.name(), change.reason);
+        }
+        Action::FixTreated(record) if record.verdict != Verdict::Fused => {
+            eprintln!("{at:?} fix {record:?}");
+        }
+        Action::Command(command) => eprintln!("{at:?} asks the autopilot: {command:?}"),
+        _ => {}
+    }
+}
+
 #[expect(clippy::print_stdout, clippy::print_stderr, reason = "the program's output")]
 fn run_campaign(args: &CampaignArgs) -> anyhow::Result<ExitCode> {
     let mut runs = Vec::new();
     for seed in args.seeds.clone() {
-        let run = campaign::run(&args.scenario.scenario(seed)?)?;
+        let run = campaign::run(&args.scenario.scenario(seed)?, |at, action| {
+            if args.trace {
+                trace(at, action);
+            }
+        })?;
         eprintln!(
             "seed {seed}: {:.1} ± {:.1} m³, truth {:.1} m³, error {:+.2} %, coverage {:.0} %, \
              path {:.0} m, {:.0} s in {:.2} s, 3σ {:.1} %, rms {:.1} cm{}",
