@@ -196,6 +196,7 @@ impl Pilot {
         self.now = now;
         self.n_ticks += 1;
         self.map_waiting_scans();
+        self.route.advance(now);
         self.run_mission(actions);
         if self.mission.phase() == Phase::Survey {
             self.route.survey(now);
@@ -247,12 +248,11 @@ impl Pilot {
     }
 
     fn is_at_target(&self) -> bool {
-        let (Some(segment), Some(estimate)) = (self.route.segment(), self.localizer.estimate())
-        else {
-            return false;
-        };
-        let miss_m = (estimate.hall_from_body.origin.coords - segment.end().position).norm();
-        segment.is_over(self.now) && miss_m < AT_TARGET_M
+        let place = self.localizer.estimate().map(|estimate| estimate.hall_from_body.origin);
+        self.route
+            .reached_end(self.now)
+            .zip(place)
+            .is_some_and(|(end, place)| (place.coords - end).norm() < AT_TARGET_M)
     }
 
     fn apply(&mut self, effects: Vec<Effect>, actions: &mut Vec<Action>) {

@@ -22,7 +22,7 @@ pub struct Operator {
 }
 
 /// The vehicle is left alone for its sensors to settle before the start.
-const START_AFTER: Duration = Duration::from_secs(6);
+const START_AFTER: Duration = Duration::from_secs(4);
 const HEARTBEAT_EVERY: Duration = Duration::from_secs(1);
 const START_RETRY: Duration = Duration::from_secs(3);
 /// The system id of PX4 out of the box.

@@ -143,6 +143,7 @@ impl Config {
                     "m",
                 )?,
             },
+            capture_sigma_s: within("filter.capture_sigma_s", f.capture_sigma_s, (0.0, 0.1), "s")?,
             imu_noise: ImuNoise {
                 accel_density_mps2_rthz: density(
                     "filter.accel_density_mps2_rthz",

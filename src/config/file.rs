@@ -159,6 +159,8 @@ const fn default_min_range_m() -> f64 {
 pub struct FilterSection {
     /// Standard deviation of a detected corner, px.
     pub corner_sigma_px: f64,
+    /// Standard deviation of a frame's capture time, s.
+    pub capture_sigma_s: f64,
     /// A single fix less certain than this is not observable, m.
     pub max_fix_sigma_m: f64,
     /// Accelerometer noise with vibration, m/s²/√Hz.
@@ -181,6 +183,7 @@ impl Default for FilterSection {
     fn default() -> Self {
         Self {
             corner_sigma_px: 0.4,
+            capture_sigma_s: 0.002,
             max_fix_sigma_m: 0.5,
             accel_density_mps2_rthz: 0.01,
             gyro_density_radps_rthz: 5e-4,

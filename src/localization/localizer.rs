@@ -10,7 +10,7 @@ use crate::messages::state::{ACCEL_BIAS, GYRO_BIAS, VEL};
 use crate::messages::{FixOutcome, FixRecord, ImuSample, NavEstimate, TagDetections, Verdict};
 use crate::stats::chi2_gate_99;
 use crate::time::{Mono, Stamp};
-use nalgebra::{Matrix6, Vector3};
+use nalgebra::{Matrix6, Vector3, Vector6};
 use std::collections::VecDeque;
 use std::time::Duration;
 
@@ -23,6 +23,8 @@ pub struct Settings {
     pub marker_map: MarkerMap,
     /// How a fix is computed.
     pub vision: vision_fix::Settings,
+    /// Standard deviation of a frame's capture time on the clock of the inertial samples, s.
+    pub capture_sigma_s: f64,
     /// Noise of the inertial sensors.
     pub imu_noise: ImuNoise,
     /// How far back late frames are taken in.
@@ -120,7 +122,8 @@ impl Localizer {
         };
         let features = vision_fix::features(&self.settings.marker_map, &frame.tags);
         record.n_tags_used = features.len() / 4;
-        let prior = self.ring.as_ref().and_then(|ring| ring.state_at(at)).map(|s| s.hall_from_body);
+        let state = self.ring.as_ref().and_then(|ring| ring.state_at(at));
+        let prior = state.as_ref().map(|state| state.hall_from_body);
         let solved = vision_fix::solve(camera, &features, prior.as_ref(), &self.settings.vision);
         // A prior far from the truth can trap the iteration: start again from nothing.
         let solved = match (&solved, prior) {
@@ -130,7 +133,10 @@ impl Localizer {
             _ => solved,
         };
         match solved {
-            Ok(fix) => {
+            Ok(mut fix) => {
+                if let Some(state) = &state {
+                    fix.pose_cov += self.capture_time_cov(state);
+                }
                 record.fix = Some(fix.clone());
                 self.take_fix(at, fix, &mut record);
             }
@@ -164,6 +170,23 @@ impl Localizer {
                 }
             }
         };
+    }
+
+    /// What an uncertain capture time adds to the covariance of a fix in motion, 6×6.
+    ///
+    /// ```text
+    /// σ_t² m mᵀ,   m = (v, ω)
+    /// ```
+    /// The position (hall axes) moves with the velocity, the attitude (body axes) with the rate.
+    fn capture_time_cov(&self, state: &FilterState) -> Matrix6<f64> {
+        let (v, rate) = (state.velocity_mps, self.rate_radps(state));
+        let motion = Vector6::new(v.x, v.y, v.z, rate.x, rate.y, rate.z);
+        motion * motion.transpose() * self.settings.capture_sigma_s.powi(2)
+    }
+
+    /// The newest angular velocity without its bias, body axes.
+    fn rate_radps(&self, state: &FilterState) -> Vector3<f64> {
+        self.last_imu.map_or_else(Vector3::zeros, |imu| imu.gyro_radps - state.gyro_bias_radps)
     }
 
     /// Starts the filter with this fix, at rest on the pad.

@@ -11,6 +11,9 @@ use nalgebra::Vector3;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
+/// Waypoints whose braking is looked after; from 15 m/s, 10 of them 2 m apart are enough at 10 m/s².
+const LOOK_AHEAD: usize = 10;
+
 /// Where the survey goes next, and the present piece of trajectory.
 #[derive(Debug, Clone)]
 pub(super) struct Route {
@@ -23,10 +26,25 @@ pub(super) struct Route {
     steps_decided: usize,
     /// The planner found nothing more.
     is_exhausted: bool,
+    /// Places on the way to somewhere off the survey.
+    transit: VecDeque<Waypoint>,
     segment: Option<Segment>,
-    /// The present segment leads to the first waypoint ahead.
-    is_on_survey: bool,
+    track: Track,
 }
+
+/// What the present segment leads to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Track {
+    /// Its own end: standing or braking.
+    Stop,
+    /// The first waypoint ahead.
+    Survey,
+    /// The first place in transit.
+    Transit,
+}
+
+/// Places in transit are this far apart, m: one quintic over a long way would be slow.
+const TRANSIT_SPACING_M: f64 = 2.5;
 
 impl Route {
     pub(super) fn new(settings: Settings, free_space: FreeSpace) -> Self {
@@ -37,8 +55,9 @@ impl Route {
             steps_done: 0,
             steps_decided: 0,
             is_exhausted: false,
+            transit: VecDeque::new(),
             segment: None,
-            is_on_survey: false,
+            track: Track::Stop,
         };
         route.restart();
         route
@@ -58,8 +77,7 @@ impl Route {
         self.steps_decided = self.ahead.len();
         self.steps_done = 0;
         self.is_exhausted = self.settings.planner == PlannerKind::SquareWave;
-        self.segment = None;
-        self.is_on_survey = false;
+        self.let_go();
     }
 
     /// True if there is somewhere to fly.
@@ -106,62 +124,90 @@ impl Route {
                 self.ahead.push_back(waypoint);
                 self.steps_decided += 1;
                 // The way to the present waypoint can pass it now instead of stopping there.
-                if self.is_on_survey && self.ahead.len() >= 2 {
-                    self.fly_to_first(now);
+                if self.track == Track::Survey && self.ahead.len() >= 2 {
+                    self.fly(Track::Survey, now, self.knot_at(now));
                 }
             }
             None => self.is_exhausted = true,
         }
     }
 
-    /// Begins or continues the survey from the present trajectory.
+    /// Leaves the present trajectory for the survey, unless it is on it already.
     pub(super) fn survey(&mut self, now: Stamp<Mono>) {
-        if self.is_on_survey && self.segment.as_ref().is_some_and(|s| s.is_over(now)) {
-            self.ahead.pop_front();
-            self.steps_done += 1;
-            self.is_on_survey = false;
-        }
-        if !self.is_on_survey && !self.ahead.is_empty() {
-            self.fly_to_first(now);
+        if self.track != Track::Survey {
+            self.fly(Track::Survey, now, self.knot_at(now));
         }
     }
 
-    fn fly_to_first(&mut self, now: Stamp<Mono>) {
-        let (Some(from), Some(first)) = (self.knot_at(now), self.ahead.front()) else { return };
-        let velocity = self.ahead.get(1).map_or_else(Vector3::zeros, |second| {
-            let limits = &self.settings.limits;
-            passing_velocity(&from.position, &first.coords, &second.coords, limits)
-        });
+    /// Goes on to the next piece where the present one has ended.
+    pub(super) fn advance(&mut self, now: Stamp<Mono>) {
+        let finished = self.segment.as_ref().filter(|segment| segment.is_over(now));
+        let Some((end_at, end)) = finished.map(|s| (s.end_at(), *s.end())) else { return };
+        let track = self.track;
+        match track {
+            Track::Stop => return,
+            Track::Survey => {
+                self.ahead.pop_front();
+                self.steps_done += 1;
+            }
+            Track::Transit => {
+                self.transit.pop_front();
+            }
+        }
+        self.track = Track::Stop;
+        // At its speed, not from rest.
+        self.fly(track, end_at, Some(end));
+    }
+
+    fn fly(&mut self, track: Track, at: Stamp<Mono>, from: Option<Knot>) {
+        let places = match track {
+            Track::Stop => return,
+            Track::Survey => &self.ahead,
+            Track::Transit => &self.transit,
+        };
+        let (Some(from), Some(first)) = (from, places.front()) else { return };
+        let next_places = places.iter().take(LOOK_AHEAD).map(|w| w.coords);
+        let path: Vec<_> = std::iter::once(from.position).chain(next_places).collect();
+        let velocity = passing_velocity(from.velocity.norm(), &path, &self.settings.limits);
         let to = Knot { position: first.coords, velocity, accel: Vector3::zeros() };
-        self.segment = Some(Segment::between(now, &from, &to, &self.settings.limits));
-        self.is_on_survey = true;
+        self.segment = Some(Segment::between(at, &from, &to, &self.settings.limits));
+        self.track = track;
     }
 
-    /// Flies to a place off the survey and stops there.
+    /// Flies straight to a place off the survey and stops there.
     pub(super) fn go_to(&mut self, place: &Vector3<f64>, now: Stamp<Mono>) {
         let Some(from) = self.knot_at(now) else { return };
-        let to = Knot::at_rest(*place);
-        self.segment = Some(Segment::between(now, &from, &to, &self.settings.limits));
-        self.is_on_survey = false;
+        let n_pieces = ((place - from.position).norm() / TRANSIT_SPACING_M).ceil().max(1.0);
+        self.transit = std::iter::successors(Some(1.0), |k| (*k < n_pieces).then_some(k + 1.0))
+            .map(|k| Waypoint::from_coords(from.position.lerp(place, k / n_pieces)))
+            .collect();
+        self.fly(Track::Transit, now, Some(from));
     }
 
     /// Stops within the limits.
     pub(super) fn brake(&mut self, now: Stamp<Mono>) {
         let Some(from) = self.knot_at(now) else { return };
         self.segment = Some(Segment::brake(now, &from, &self.settings.limits));
-        self.is_on_survey = false;
+        self.track = Track::Stop;
     }
 
     /// Starts the trajectory at rest at a place.
     pub(super) fn stand(&mut self, place: &Vector3<f64>, now: Stamp<Mono>) {
         self.segment = Some(Segment::hold(now, *place));
-        self.is_on_survey = false;
+        self.track = Track::Stop;
     }
 
     /// Ends all steering.
     pub(super) fn let_go(&mut self) {
         self.segment = None;
-        self.is_on_survey = false;
+        self.track = Track::Stop;
+    }
+
+    /// Where the trajectory ends, once everything on the way there is flown.
+    pub(super) fn reached_end(&self, now: Stamp<Mono>) -> Option<Vector3<f64>> {
+        let segment =
+            self.segment.as_ref().filter(|s| self.track == Track::Stop && s.is_over(now))?;
+        Some(segment.end().position)
     }
 
     pub(super) fn knot_at(&self, now: Stamp<Mono>) -> Option<Knot> {

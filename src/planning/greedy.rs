@@ -49,7 +49,11 @@ impl ChooseWaypoint {
         for pair in self.pending.windows(2) {
             self.observe_way(&mut belief, &pair[0], &pair[1]);
         }
-        self.candidates(&from)
+        let candidates = self.candidates(&from);
+        // Outside of the lattice's reach (over the pad) the way in comes first.
+        let candidates = if candidates.is_empty() { self.entrance(&from) } else { candidates };
+        candidates
+            .into_iter()
             .map(|site| {
                 let mut after = belief.clone();
                 self.observe_way(&mut after, &from, &site.place);
@@ -60,14 +64,21 @@ impl ChooseWaypoint {
     }
 
     /// Feasible places within R, the present one left out.
-    fn candidates(&self, from: &Waypoint) -> impl Iterator<Item = &Site> {
-        let from = *from;
+    fn candidates(&self, from: &Waypoint) -> Vec<&Site> {
         let radius_m = self.settings.step_radius_m + 1e-9;
         let nearest_m = 0.5 * self.settings.candidate_spacing_m;
-        self.free_space.feasible().filter(move |site| {
-            let distance_m = (site.place - from).coords.norm();
+        let is_in_reach = |site: &&Site| {
+            let distance_m = (site.place - *from).coords.norm();
             (nearest_m..=radius_m).contains(&distance_m)
-        })
+        };
+        self.free_space.feasible().filter(is_in_reach).collect()
+    }
+
+    /// The nearest feasible place, if the present one is outside of all.
+    fn entrance(&self, from: &Waypoint) -> Vec<&Site> {
+        let distance = |site: &&Site| (site.place - *from).coords.norm_squared();
+        let nearest = self.free_space.feasible().min_by(|a, b| distance(a).total_cmp(&distance(b)));
+        nearest.into_iter().filter(|site| distance(site) > 1e-6).collect()
     }
 
     /// Σ A² σ² over the cells, the printed variance of the volume.

@@ -11,6 +11,7 @@ use crate::geometry::{Direction, Hall, Point};
 use crate::messages::Setpoint;
 use crate::time::{Mono, Stamp};
 use nalgebra::Vector3;
+use std::time::Duration;
 
 /// What the vehicle can follow closely.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -59,6 +60,8 @@ pub struct Segment {
 /// more than the tolerance.
 const BOUND_SAMPLES: u32 = 48;
 const BOUND_TOLERANCE: f64 = 1.01;
+/// Shares of the wanted end velocity that are tried.
+const END_VELOCITY_SHARES: [f64; 4] = [1.0, 0.7, 0.4, 0.0];
 const STRETCH: f64 = 1.08;
 const MAX_STRETCHES: usize = 90;
 
@@ -73,25 +76,39 @@ impl Segment {
 
     /// The fastest quintic from `from` to `to` within the limits.
     ///
-    /// If no duration keeps the limits with the wanted end velocity, the end is at rest instead.
+    /// An end velocity that cannot be reached without backing off first is lowered, to rest if
+    /// need be.
     #[must_use]
     pub fn between(start: Stamp<Mono>, from: &Knot, to: &Knot, limits: &Limits) -> Self {
-        let distance_m = (to.position - from.position).norm();
-        let first_s = (distance_m / limits.speed_mps).max(0.2);
-        let mut duration_s = first_s;
-        for _ in 0..MAX_STRETCHES {
-            let segment = Self::with_duration(start, from, to, duration_s);
-            if segment.keeps(limits) {
+        for share in END_VELOCITY_SHARES {
+            let end = Knot { velocity: to.velocity * share, ..*to };
+            if let Some(segment) = Self::fastest(start, from, &end, limits)
+                && (share == 0.0 || segment.goes_forward(from))
+            {
                 return segment;
             }
-            duration_s *= STRETCH;
         }
-        let at_rest = Knot::at_rest(to.position);
-        if *to == at_rest {
-            // The start breaks the limits already (a braking command in a gust): go gently.
-            return Self::with_duration(start, from, to, first_s.max(2.0) * 2.0);
-        }
-        Self::between(start, from, &at_rest, limits)
+        // The start breaks the limits already (a braking command in a gust): go gently.
+        let distance_m = (to.position - from.position).norm();
+        let gentle_s = 2.0 * (distance_m / limits.speed_mps).max(2.0);
+        Self::with_duration(start, from, &Knot::at_rest(to.position), gentle_s)
+    }
+
+    /// The shortest duration of a geometric series that keeps the limits, if one does.
+    fn fastest(start: Stamp<Mono>, from: &Knot, to: &Knot, limits: &Limits) -> Option<Self> {
+        let distance_m = (to.position - from.position).norm();
+        let first_s = (distance_m / limits.speed_mps).max(0.2);
+        std::iter::successors(Some(first_s), |duration_s| Some(duration_s * STRETCH))
+            .take(MAX_STRETCHES)
+            .map(|duration_s| Self::with_duration(start, from, to, duration_s))
+            .find(|segment| segment.keeps(limits))
+    }
+
+    /// True if the motion along the chord never turns back further than it did at the start.
+    fn goes_forward(&self, from: &Knot) -> bool {
+        let chord = self.end.position - from.position;
+        let slowest = from.velocity.dot(&chord).min(0.0) - 0.02 * chord.norm();
+        self.samples().all(|knot| knot.velocity.dot(&chord) >= slowest)
     }
 
     /// Brakes to a stop as fast as the limits allow.
@@ -120,9 +137,13 @@ impl Segment {
         Self { start, duration_s, coefficients, end: *to }
     }
 
+    fn samples(&self) -> impl Iterator<Item = Knot> {
+        (0..=BOUND_SAMPLES)
+            .map(|k| self.knot_after(self.duration_s * f64::from(k) / f64::from(BOUND_SAMPLES)))
+    }
+
     fn keeps(&self, limits: &Limits) -> bool {
-        (0..=BOUND_SAMPLES).all(|k| {
-            let knot = self.knot_after(self.duration_s * f64::from(k) / f64::from(BOUND_SAMPLES));
+        self.samples().all(|knot| {
             knot.velocity.norm() <= limits.speed_mps * BOUND_TOLERANCE
                 && knot.accel.norm() <= limits.accel_mps2 * BOUND_TOLERANCE
         })
@@ -141,11 +162,10 @@ impl Segment {
     /// Where the segment is at an instant; past its end it rests at the end.
     #[must_use]
     pub fn knot_at(&self, at: Stamp<Mono>) -> Knot {
-        let seconds = at.seconds_since(self.start).max(0.0);
-        if seconds >= self.duration_s {
+        if self.is_over(at) {
             return Knot::at_rest(self.end.position);
         }
-        self.knot_after(seconds)
+        self.knot_after(at.seconds_since(self.start).max(0.0))
     }
 
     /// The setpoint at an instant.
@@ -168,10 +188,16 @@ impl Segment {
         &self.end
     }
 
+    /// When the segment ends; the next one begins there.
+    #[must_use]
+    pub fn end_at(&self) -> Stamp<Mono> {
+        self.start.plus(Duration::from_secs_f64(self.duration_s))
+    }
+
     /// True once its end is reached.
     #[must_use]
     pub fn is_over(&self, at: Stamp<Mono>) -> bool {
-        at.seconds_since(self.start) >= self.duration_s
+        at >= self.end_at()
     }
 
     /// How long the segment takes, s.
@@ -181,41 +207,46 @@ impl Segment {
     }
 }
 
-/// Velocity with which to pass a waypoint: along the bisector, slower in sharper turns.
+/// Velocity with which to pass the first waypoint of a path: along the bisector, slower in sharper
+/// turns, and slow enough to brake for everything behind it.
 ///
 /// ```text
-/// v = v_max cos²(β/2) · (u_in + u_out)/|u_in + u_out|,   β the angle of the turn
+/// v_k ≤ v_max cos²(β_k/2),   v_k² ≤ v_{k+1}² + a_max d_k,   v_1² ≤ v_0² + a_max d_0
+/// direction (u_in + u_out)/|u_in + u_out|
 /// ```
-/// A turn of more than 120° stops, and short legs bound the speed by what they can brake.
+/// - `speed_mps`: speed at the start of the path, v_0
+/// - `path`: where the vehicle is, the waypoint to pass, and those behind it; the last one is a stop
+/// - `β_k`: angle of the turn at waypoint k; more than 120° stops
+/// - `d_k`: length of the leg to the next waypoint, m; half the sharpest braking is counted on,
+///   because quintics are gentler
 #[must_use]
-pub fn passing_velocity(
-    before: &Vector3<f64>,
-    waypoint: &Vector3<f64>,
-    after: &Vector3<f64>,
-    limits: &Limits,
-) -> Vector3<f64> {
-    let (leg_in, leg_out) = (waypoint - before, after - waypoint);
-    let (Some(u_in), Some(u_out)) = (leg_in.try_normalize(1e-6), leg_out.try_normalize(1e-6))
-    else {
-        return Vector3::zeros();
-    };
-    let cos_turn = u_in.dot(&u_out);
-    if cos_turn < -0.5 {
-        return Vector3::zeros();
-    }
-    let slow_down = 0.5 * (1.0 + cos_turn);
-    // Half of what the sharpest stop within the outgoing leg allows, since quintics are gentler.
-    let stoppable_mps = (limits.accel_mps2 * leg_out.norm()).sqrt();
-    let speed_mps = (limits.speed_mps * slow_down).min(stoppable_mps);
-    (u_in + u_out).try_normalize(1e-6).unwrap_or_default() * speed_mps
+pub fn passing_velocity(speed_mps: f64, path: &[Vector3<f64>], limits: &Limits) -> Vector3<f64> {
+    let passing_mps = path.windows(3).rev().fold(0.0, |next_mps: f64, triple| {
+        let brakable_mps2 = limits.accel_mps2 * (triple[2] - triple[1]).norm();
+        cornering_speed_mps(triple, limits).min((next_mps.powi(2) + brakable_mps2).sqrt())
+    });
+    let [before, waypoint, after, ..] = path else { return Vector3::zeros() };
+    let reachable_mps2 = limits.accel_mps2 * (waypoint - before).norm();
+    let passing_mps = passing_mps.min((speed_mps.powi(2) + reachable_mps2).sqrt());
+    let directions =
+        (waypoint - before).try_normalize(1e-6).zip((after - waypoint).try_normalize(1e-6));
+    directions
+        .and_then(|(u_in, u_out)| (u_in + u_out).try_normalize(1e-6))
+        .map_or_else(Vector3::zeros, |bisector| bisector * passing_mps)
+}
+
+fn cornering_speed_mps(triple: &[Vector3<f64>], limits: &Limits) -> f64 {
+    let legs = (triple[1] - triple[0])
+        .try_normalize(1e-6)
+        .zip((triple[2] - triple[1]).try_normalize(1e-6));
+    let cos_turn = legs.map_or(-1.0, |(u_in, u_out)| u_in.dot(&u_out));
+    if cos_turn < -0.5 { 0.0 } else { limits.speed_mps * 0.5 * (1.0 + cos_turn) }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::stats::SeedBook;
-    use std::time::Duration;
-
     #[test]
     fn bounds_and_continuity_hold_for_random_waypoints() {
         let limits = Limits { speed_mps: 2.0, accel_mps2: 1.5 };
@@ -223,7 +254,7 @@ mod tests {
         for _ in 0..300 {
             let mut place = || Vector3::from_fn(|_, _| noise.between(-8.0, 8.0));
             let points = [place(), place(), place()];
-            let via = passing_velocity(&points[0], &points[1], &points[2], &limits);
+            let via = passing_velocity(0.0, &points, &limits);
             let knot = Knot { position: points[1], velocity: via, accel: Vector3::zeros() };
             let first = Segment::between(Stamp::ZERO, &Knot::at_rest(points[0]), &knot, &limits);
             let joint = Stamp::ZERO.plus(Duration::from_secs_f64(first.duration_s()));
@@ -266,13 +297,16 @@ mod tests {
     }
 
     #[test]
-    fn straight_cruise_keeps_its_speed() {
+    fn a_long_straight_is_passed_at_full_speed_and_its_last_leg_is_not() {
         let limits = Limits { speed_mps: 2.0, accel_mps2: 1.5 };
-        let [a, b, c] = [0.0, 1.5, 3.0].map(|x| Vector3::new(x, 0.0, 7.0));
-        let via = passing_velocity(&a, &b, &c, &limits);
-        assert!((via - Vector3::new(1.5, 0.0, 0.0)).norm() < 1e-9 || via.x > 1.4);
-        let stop = passing_velocity(&a, &b, &a, &limits);
-        assert!(stop.norm() < 1e-12);
+        let path: Vec<_> = (0..6).map(|k| Vector3::new(1.5 * f64::from(k), 0.0, 7.0)).collect();
+        let cruise = passing_velocity(1.9, &path, &limits);
+        assert!((cruise - Vector3::new(2.0, 0.0, 0.0)).norm() < 1e-12);
+        // One leg of 1.5 m to brake in: √(1.5 · 1.5).
+        let braking = passing_velocity(1.9, &path[..3], &limits);
+        assert!((braking - Vector3::new(1.5, 0.0, 0.0)).norm() < 1e-12);
+        let back = passing_velocity(1.9, &[path[0], path[1], path[0]], &limits);
+        assert!(back.norm() < 1e-12);
     }
 
     #[test]
