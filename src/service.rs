@@ -15,10 +15,11 @@
 
 mod brain;
 pub mod clock;
+pub mod onboard;
 mod recorder;
 mod status;
 
-pub use recorder::{Record, Recorder};
+pub use recorder::Recorder;
 pub use status::{ServiceStats, ServiceStatus};
 
 use crate::link::transport::Transport;
@@ -82,10 +83,9 @@ impl Service {
             .await
             .map_err(|source| ServiceError::Link { address: link.address.clone(), source })?;
         let link_addr = transport.local_addr();
-        let recording = recorder.map(recorder::Recording::start);
         let (status_tx, status) = watch::channel(ServiceStatus::default());
         let session = Session::new(link);
-        let brain = Brain::new(pilot, session, clock, transport, recording, status_tx);
+        let brain = Brain::new(pilot, session, clock, transport, recorder, status_tx);
         let inputs = brain::Inputs { scans, tags };
         let task = tokio::spawn(brain.run(inputs, stop.clone()));
         Ok(RunningService { status, stop, link_addr, task })

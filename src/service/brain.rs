@@ -3,7 +3,7 @@
 mod ticker;
 
 use super::clock::Clock;
-use super::recorder::{Record, Recording};
+use super::recorder::Recorder;
 use super::status::{ServiceStats, ServiceStatus};
 use crate::link::transport::{Outgoing, Received, Transport};
 use crate::link::{Session, SessionOutput};
@@ -40,13 +40,12 @@ enum Happening {
 }
 
 /// The brain with its link, its jobs and its witnesses.
-#[derive(Debug)]
 pub(super) struct Brain {
     pilot: Pilot,
     session: Session,
     clock: Clock,
     transport: Transport,
-    recording: Option<Recording>,
+    recorder: Option<Box<dyn Recorder>>,
     jobs: JoinSet<(JobId, JobOutput)>,
     ticker: Ticker,
     events: VecDeque<Event>,
@@ -64,7 +63,7 @@ impl Brain {
         session: Session,
         clock: Clock,
         transport: Transport,
-        recording: Option<Recording>,
+        recorder: Option<Box<dyn Recorder>>,
         status_tx: watch::Sender<ServiceStatus>,
     ) -> Self {
         let now = clock.now();
@@ -72,7 +71,7 @@ impl Brain {
             pilot,
             session,
             transport,
-            recording,
+            recorder,
             jobs: JoinSet::new(),
             ticker: Ticker::new(now),
             events: VecDeque::new(),
@@ -170,45 +169,36 @@ impl Brain {
     /// Steps the brain until no event waits.
     fn work_off(&mut self) {
         while let Some(event) = self.events.pop_front() {
-            let seq = self.status.stats.events;
             self.status.stats.events += 1;
             self.witness_event(&event);
-            if self.recording.is_some() {
-                self.keep(Record::Event { seq, event: event.clone() });
+            let now = self.clock.now();
+            if let Some(recorder) = &mut self.recorder {
+                recorder.event(now, &event);
             }
             let mut actions = std::mem::take(&mut self.actions);
             self.pilot.step(event, &mut actions);
             for action in actions.drain(..) {
-                self.act(seq, action);
+                self.act(now, action);
             }
             self.actions = actions;
         }
     }
 
-    fn act(&mut self, seq: u64, action: Action) {
+    fn act(&mut self, now: Stamp<Mono>, action: Action) {
         self.witness_action(&action);
-        self.session.on_action(&action, self.clock.now(), &mut self.out);
+        if let Some(recorder) = &mut self.recorder {
+            recorder.action(now, &action);
+        }
+        self.session.on_action(&action, now, &mut self.out);
         self.take_output();
-        match action {
-            Action::Start { id, job } => {
-                self.start(id, job);
-                self.keep(Record::JobStarted { seq, id });
-            }
-            action => self.keep(Record::Action { seq, action }),
+        if let Action::Start { id, job } = action {
+            self.start(id, job);
         }
     }
 
     fn start(&mut self, id: JobId, job: Box<Job>) {
         self.status.stats.jobs_started += 1;
         self.jobs.spawn_blocking(move || (id, job.run()));
-    }
-
-    fn keep(&mut self, record: Record) {
-        if let Some(recording) = &self.recording
-            && !recording.keep(record)
-        {
-            self.status.stats.records_lost += 1;
-        }
     }
 
     fn witness_event(&mut self, event: &Event) {
@@ -268,7 +258,7 @@ impl Brain {
     /// The counters with those of the recorder's thread.
     fn full_stats(&self) -> ServiceStats {
         let mut stats = self.status.stats;
-        stats.records_lost += self.recording.as_ref().map_or(0, Recording::failed);
+        stats.records_lost = self.recorder.as_ref().map_or(0, |recorder| recorder.lost());
         stats
     }
 
@@ -276,8 +266,11 @@ impl Brain {
     async fn end(mut self) -> ServiceStats {
         self.show_status(self.clock.now());
         let mut stats = self.status.stats;
-        if let Some(recording) = self.recording.take() {
-            stats.records_lost += recording.finish().await;
+        if let Some(recorder) = self.recorder.take() {
+            match tokio::task::spawn_blocking(move || recorder.close()).await {
+                Ok(lost) => stats.records_lost = lost,
+                Err(error) => tracing::error!(%error, "the recorder died"),
+            }
         }
         self.jobs.shutdown().await;
         self.transport.join().await;

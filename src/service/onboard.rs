@@ -1,0 +1,195 @@
+//! The whole onboard program from a configuration: brain, drivers, log and service.
+
+use super::clock::Clock;
+use super::{RunningService, Service, ServiceError, ServiceSetup, ServiceStats, ServiceStatus};
+use crate::camera::{CameraStats, Listener};
+use crate::config::{Config, ConfigError};
+use crate::lidar::{Driver, LidarStatus, OpenError};
+use crate::pilot::Pilot;
+use crate::record::{self, LogHeader, RecordError};
+use std::collections::BTreeMap;
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+use tokio::sync::{mpsc, watch};
+use tokio::task::JoinHandle;
+use tokio_util::sync::CancellationToken;
+
+/// Scans that may wait for the brain: three seconds of turns at 10 Hz.
+const SCANS_WAITING: usize = 32;
+/// Camera frames that may wait for the brain.
+const FRAMES_WAITING: usize = 64;
+
+/// Why the program did not start.
+#[derive(Debug, thiserror::Error)]
+pub enum OnboardError {
+    /// The configuration does not fit.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// The LiDAR's port cannot be opened.
+    #[error(transparent)]
+    Lidar(#[from] OpenError),
+    /// The socket for marker detections cannot be had.
+    #[error("cannot listen for detections on {address}: {source}")]
+    Detections {
+        /// Where.
+        address: String,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The log's directory cannot be made.
+    #[error("cannot create the log directory {path}: {source}", path = path.display())]
+    LogDirectory {
+        /// Which.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The log cannot be begun.
+    #[error(transparent)]
+    Log(#[from] RecordError),
+    /// The link or the brain's task failed.
+    #[error(transparent)]
+    Service(#[from] ServiceError),
+}
+
+/// How the program meets the world, beside its configuration.
+#[derive(Debug, Clone)]
+pub struct Surroundings {
+    /// The clock that stamps everything.
+    pub clock: Clock,
+    /// Cancelled to end the program.
+    pub stop: CancellationToken,
+    /// The brain may wait for the disk: only where no vehicle can fall from the sky.
+    pub waits_for_disk: bool,
+}
+
+/// The onboard program at work.
+#[derive(Debug)]
+pub struct Onboard {
+    service: RunningService,
+    lidar: Driver,
+    detections: JoinHandle<std::io::Result<()>>,
+    detections_addr: Option<SocketAddr>,
+    camera_stats: watch::Receiver<CameraStats>,
+    log: PathBuf,
+}
+
+/// The counters at the end.
+#[derive(Debug, Clone)]
+pub struct OnboardStats {
+    /// The service's.
+    pub service: ServiceStats,
+    /// The LiDAR driver's.
+    pub lidar: LidarStatus,
+    /// The detection listener's.
+    pub camera: CameraStats,
+}
+
+impl Onboard {
+    /// Checks the configuration, opens everything and starts all tasks on the current runtime.
+    ///
+    /// # Errors
+    /// The first thing that cannot be had; nothing runs then.
+    pub async fn start(config: &Config, around: Surroundings) -> Result<Self, OnboardError> {
+        let pilot = Pilot::new(config.pilot_settings()?);
+        let (link, lidar) = (config.link_settings()?, config.lidar_settings()?);
+        let listener = Listener::bind(config.camera_settings()?).await.map_err(|source| {
+            OnboardError::Detections { address: config.detections.clone(), source }
+        })?;
+        let Surroundings { clock, stop, waits_for_disk } = around;
+        let (scans_tx, scans) = mpsc::channel(SCANS_WAITING);
+        let lidar_clock = clock.clone();
+        let lidar = Driver::start(lidar, move || lidar_clock.now(), scans_tx, &stop)?;
+        let log = log_path(&config.log.directory)?;
+        let recorder = record::Recorder::create(&log, &header(config)?)?;
+        let recorder = if waits_for_disk { recorder.waiting() } else { recorder };
+        let (frames_tx, tags) = mpsc::channel(FRAMES_WAITING);
+        let (detections_addr, camera_stats) = (listener.local_addr(), listener.stats());
+        let camera_clock = clock.clone();
+        let detections =
+            tokio::spawn(listener.run(move || camera_clock.now(), frames_tx, stop.child_token()));
+        let recorder = Some(Box::new(recorder) as Box<dyn super::Recorder>);
+        let setup = ServiceSetup { pilot, link, clock, stop, scans, tags, recorder };
+        let service = Service::start(setup).await?;
+        Ok(Self { service, lidar, detections, detections_addr, camera_stats, log })
+    }
+
+    /// What the service last said of itself.
+    #[must_use]
+    pub fn status(&self) -> watch::Receiver<ServiceStatus> {
+        self.service.status()
+    }
+
+    /// The LiDAR driver's health and counters.
+    #[must_use]
+    pub fn lidar(&self) -> watch::Receiver<LidarStatus> {
+        self.lidar.status()
+    }
+
+    /// The detection listener's counters.
+    #[must_use]
+    pub fn camera(&self) -> watch::Receiver<CameraStats> {
+        self.camera_stats.clone()
+    }
+
+    /// The own address of the autopilot's link by datagrams.
+    #[must_use]
+    pub const fn link_addr(&self) -> Option<SocketAddr> {
+        self.service.link_addr()
+    }
+
+    /// The address where detections come in by datagrams.
+    #[must_use]
+    pub const fn detections_addr(&self) -> Option<SocketAddr> {
+        self.detections_addr
+    }
+
+    /// Where the log is written.
+    #[must_use]
+    pub fn log(&self) -> &Path {
+        &self.log
+    }
+
+    /// Asks everything to end; the vehicle is left to the autopilot's failsafe.
+    pub fn stop(&self) {
+        self.service.stop();
+    }
+
+    /// Waits until every task has ended and the log is closed.
+    ///
+    /// # Errors
+    /// [`ServiceError::Brain`] if the brain's task panicked.
+    pub async fn join(self) -> Result<OnboardStats, OnboardError> {
+        let lidar = self.lidar.status();
+        let service = self.service.join().await?;
+        if let Err(error) = self.detections.await {
+            tracing::error!(%error, "the detection listener died");
+        }
+        // Joining a thread blocks for one poll of the port.
+        if let Err(error) = tokio::task::spawn_blocking(move || self.lidar.stop()).await {
+            tracing::error!(%error, "the LiDAR driver died");
+        }
+        let camera = self.camera_stats.borrow().clone();
+        let lidar = lidar.borrow().clone();
+        Ok(OnboardStats { service, lidar, camera })
+    }
+}
+
+/// A name that sorts by time of start and is not taken: two starts in one second differ by a count.
+fn log_path(directory: &Path) -> Result<PathBuf, OnboardError> {
+    std::fs::create_dir_all(directory)
+        .map_err(|source| OnboardError::LogDirectory { path: directory.to_owned(), source })?;
+    let started = jiff::Timestamp::now().strftime("%Y%m%dT%H%M%SZ").to_string();
+    let names = std::iter::once(format!("flight-{started}.mcap"))
+        .chain((2_u32..).map(|n| format!("flight-{started}-{n}.mcap")));
+    let mut free = names.map(|name| directory.join(name)).filter(|path| !path.exists());
+    Ok(free.next().unwrap_or_else(|| directory.join("flight.mcap")))
+}
+
+fn header(config: &Config) -> Result<LogHeader, ConfigError> {
+    let started_at = jiff::Timestamp::now().to_string();
+    Ok(LogHeader {
+        config_toml: config.to_toml()?,
+        notes: BTreeMap::from([("started_utc".to_owned(), started_at)]),
+    })
+}
