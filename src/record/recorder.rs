@@ -62,6 +62,7 @@ pub struct Recorder {
     threads: Vec<JoinHandle<()>>,
     counts: Arc<Counts>,
     lost_here: u64,
+    last_lost_at: Stamp<Mono>,
     waits: bool,
 }
 
@@ -83,6 +84,7 @@ enum Job {
     /// Entries were lost and none came after them.
     EndGap {
         n_entries: u64,
+        at: Stamp<Mono>,
     },
     Flush,
 }
@@ -123,7 +125,15 @@ impl Recorder {
         ];
         let metronome_stop = Some(metronome_stop);
         let queue = Some(queue);
-        Ok(Self { queue, metronome_stop, threads, counts, lost_here: 0, waits: false })
+        Ok(Self {
+            queue,
+            metronome_stop,
+            threads,
+            counts,
+            lost_here: 0,
+            last_lost_at: Stamp::ZERO,
+            waits: false,
+        })
     }
 
     /// The same recorder, but it waits for the disk instead of losing entries: for flights faster
@@ -171,6 +181,7 @@ impl Recorder {
             self.lost_here = 0;
         } else {
             self.lost_here += 1;
+            self.last_lost_at = at;
             let lost = self.counts.lost_in_queue.fetch_add(1, Ordering::Relaxed);
             if lost == 0 {
                 tracing::error!("the log falls behind: entries are lost, the file tells where");
@@ -183,7 +194,7 @@ impl Recorder {
         let n_entries = std::mem::take(&mut self.lost_here);
         if let Some(queue) = self.queue.take()
             && n_entries > 0
-            && queue.send(Job::EndGap { n_entries }).is_err()
+            && queue.send(Job::EndGap { n_entries, at: self.last_lost_at }).is_err()
         {
             tracing::error!(n_entries, "the log ended before it could tell what it lost");
         }
@@ -223,7 +234,7 @@ impl<W: Write + Seek, S: FnMut() -> io::Result<()>> Scribe<W, S> {
         for job in jobs {
             match job {
                 Job::Write { lost_before, at, entry } => self.write(lost_before, at, &entry),
-                Job::EndGap { n_entries } => self.note_end_gap(n_entries),
+                Job::EndGap { n_entries, at } => self.note_end_gap(at, n_entries),
                 Job::Flush => self.flush(),
             }
         }
@@ -245,9 +256,9 @@ impl<W: Write + Seek, S: FnMut() -> io::Result<()>> Scribe<W, S> {
         }
     }
 
-    fn note_end_gap(&mut self, n_entries: u64) {
+    fn note_end_gap(&mut self, at: Stamp<Mono>, n_entries: u64) {
         let Some(log) = &mut self.log else { return };
-        if let Err(error) = log.write_lost(Stamp::ZERO, n_entries) {
+        if let Err(error) = log.write_lost(at, n_entries) {
             self.settle(Err(error));
         }
     }

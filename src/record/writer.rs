@@ -14,12 +14,20 @@ use std::io::{Seek, Write};
 const CHUNK_BYTES: u64 = 512 * 1024;
 
 /// What stands at the head of a log.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LogHeader {
+    /// When the log begins; viewers start their time line here.
+    pub started_at: Stamp<Mono>,
     /// The effective configuration, TOML; a replay builds the brain from it.
     pub config_toml: String,
     /// Anything else worth knowing, such as civil time at the start.
     pub notes: BTreeMap<String, String>,
+}
+
+impl Default for LogHeader {
+    fn default() -> Self {
+        Self { started_at: Stamp::ZERO, config_toml: String::new(), notes: BTreeMap::new() }
+    }
 }
 
 /// Why an entry could not be written.
@@ -59,7 +67,7 @@ impl<W: Write + Seek> LogWriter<W> {
             build: build_identity(),
             config_toml: header.config_toml.clone(),
         };
-        log.write_encoded(Stamp::ZERO, &encode(Topic::Config, &config)?)?;
+        log.write_encoded(header.started_at, &encode(Topic::Config, &config)?)?;
         log.flush()?;
         Ok(log)
     }

@@ -61,6 +61,7 @@ fn a_full_queue_is_counted_and_told_with_the_next_entry() {
         threads: Vec::new(),
         counts,
         lost_here: 0,
+        last_lost_at: Stamp::ZERO,
         waits: false,
     };
     (0..5).for_each(|n| recorder.event(Stamp::ZERO, &tick(n)));
@@ -76,7 +77,7 @@ fn a_full_queue_is_counted_and_told_with_the_next_entry() {
     let ending = thread::spawn(move || drop(recorder));
     let last = jobs.iter().last().unwrap();
     ending.join().unwrap();
-    assert!(matches!(last, Job::EndGap { n_entries: 2 }));
+    assert!(matches!(last, Job::EndGap { n_entries: 2, .. }));
 }
 
 fn lost_before(job: &Job) -> u64 {
