@@ -51,7 +51,7 @@ struct DirectFlight {
     poses: PoseJudge,
     n_ticks: u64,
     jobs: VecDeque<(Stamp<Mono>, JobId, JobOutput)>,
-    n_samples_waiting: u64,
+    n_samples_sent: u64,
     flight: Option<FlightSummary>,
 }
 
@@ -80,7 +80,7 @@ pub fn run(
         poses: PoseJudge::default(),
         n_ticks: 0,
         jobs: VecDeque::new(),
-        n_samples_waiting: 0,
+        n_samples_sent: 0,
         flight: None,
     };
     let limit = Stamp::ZERO.plus(LONGEST_FLIGHT);
@@ -97,7 +97,8 @@ pub fn run(
     let measured = Measured {
         flight: summary,
         poses: flight.poses,
-        // Nothing lies between sensor and brain here; the last turn is not finished at the end.
+        beams_sent: flight.n_samples_sent,
+        // Nothing lies between sensor and brain here that could lose one.
         beams_dropped: 0,
         wall_time: began.elapsed(),
     };
@@ -122,7 +123,7 @@ impl DirectFlight {
         let mut events = std::mem::take(&mut out.events);
         events.extend(output.frames.into_iter().map(Event::TagsSeen));
         for packet in &output.packets {
-            self.n_samples_waiting += packet.samples.len() as u64;
+            self.n_samples_sent += packet.samples.len() as u64;
             events.extend(self.turns.push(packet).map(Event::Scanned));
         }
         while self.jobs.front().is_some_and(|(due, ..)| *due <= now) {

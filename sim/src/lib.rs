@@ -7,6 +7,7 @@
 pub mod autopilot;
 pub mod camera;
 pub mod campaign;
+pub mod fly;
 pub mod hall;
 pub mod judge;
 pub mod lidar;

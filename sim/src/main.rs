@@ -2,12 +2,14 @@
 
 use clap::{Args, Parser, Subcommand};
 use std::ops::Range;
+use std::path::PathBuf;
 use std::process::ExitCode;
 use stockpilot::messages::Verdict;
 use stockpilot::pilot::Action;
 use stockpilot::time::{Mono, Stamp};
 use stockpilot_sim::campaign;
-use stockpilot_sim::report::CampaignReport;
+use stockpilot_sim::fly::{self, FlyOptions};
+use stockpilot_sim::report::{CampaignReport, RunReport};
 use stockpilot_sim::scenario::ScenarioArgs;
 
 /// Worlds, vehicle, sensors and autopilot that fly stockpilot on a laptop.
@@ -20,6 +22,8 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    /// One flight of the real service with emulated devices (the default).
+    Fly(FlyArgs),
     /// Many flights without bytes and threads in between, as fast as the machine allows.
     Campaign(CampaignArgs),
 }
@@ -39,6 +43,24 @@ struct CampaignArgs {
     trace: bool,
 }
 
+#[derive(Debug, Parser)]
+struct FlyArgs {
+    #[command(flatten)]
+    scenario: ScenarioArgs,
+    /// Seed of everything that is drawn.
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Flight seconds per second; slower where this machine cannot keep up.
+    #[arg(long, default_value_t = 4.0)]
+    speed: f64,
+    /// Where the log goes.
+    #[arg(long, default_value = "logs")]
+    log: PathBuf,
+    /// Print one JSON object as the last line.
+    #[arg(long)]
+    json: bool,
+}
+
 fn seeds(text: &str) -> Result<Range<u64>, String> {
     let wrong = || format!("{text:?} is not of the form 0..20");
     let (first, end) = text.split_once("..").ok_or_else(wrong)?;
@@ -48,9 +70,56 @@ fn seeds(text: &str) -> Result<Range<u64>, String> {
 }
 
 fn main() -> anyhow::Result<ExitCode> {
+    let filter = tracing_subscriber::EnvFilter::try_from_default_env()
+        .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("warn"));
+    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).init();
     match Cli::parse().command {
         Some(Command::Campaign(args)) => run_campaign(&args),
-        None => Ok(ExitCode::SUCCESS),
+        Some(Command::Fly(args)) => run_fly(&args),
+        None => run_fly(&FlyArgs::parse_from(["fly"])),
+    }
+}
+
+#[expect(clippy::print_stdout, reason = "the program's output")]
+fn run_fly(args: &FlyArgs) -> anyhow::Result<ExitCode> {
+    anyhow::ensure!(args.speed > 0.0 && args.speed <= 100.0, "--speed is 0 to 100");
+    let scenario = args.scenario.scenario(args.seed)?;
+    let options =
+        FlyOptions { speed: args.speed, directory: args.log.clone(), shows_progress: true };
+    let run = fly::run(&scenario, &options)?;
+    if args.json {
+        println!("{}", serde_json::to_string(&run)?);
+    } else {
+        print_run(&run);
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+#[expect(clippy::print_stdout, reason = "the program's output")]
+fn print_run(run: &RunReport) {
+    println!("volume   {:.1} m³ ± {:.1} m³ (k = 2)", run.volume_m3, 2.0 * run.sigma_m3);
+    println!("truth    {:.1} m³, error {:+.2} %", run.volume_true_m3, 100.0 * run.relative_error);
+    println!(
+        "flight   {:.0} s in {:.0} s, path {:.0} m, {} steps, coverage {:.0} %{}{}",
+        run.sim_time_s,
+        run.wall_time_s,
+        run.path_length_m,
+        run.steps,
+        100.0 * run.coverage,
+        if run.complete { "" } else { ", CUT SHORT" },
+        if run.collided { ", COLLIDED" } else { "" },
+    );
+    println!(
+        "position rms {:.1} cm, inside its 3σ {:.1} % of the flight",
+        100.0 * run.position_rms_m,
+        100.0 * run.position_within_3_sigma,
+    );
+    println!(
+        "beams    {} sent, {} mapped, {} dropped",
+        run.beams_sent, run.beams, run.beams_dropped
+    );
+    if let Some(log) = &run.log {
+        println!("log      {}", log.display());
     }
 }
 

@@ -35,9 +35,11 @@ pub struct RunReport {
     pub path_length_m: f64,
     /// Waypoints reached.
     pub steps: usize,
-    /// Beams that reached the map's door.
+    /// Samples that the sensor sent.
+    pub beams_sent: u64,
+    /// Beams that reached the map; with the dropped ones and the last unfinished turn, all sent.
     pub beams: u64,
-    /// Samples that the sensor took and that did not reach the map's door.
+    /// Samples that were lost on the way, as counted where it happened.
     pub beams_dropped: u64,
     /// Flight time, s.
     pub sim_time_s: f64,
@@ -64,7 +66,9 @@ pub struct Measured {
     pub flight: FlightSummary,
     /// Errors of the published pose.
     pub poses: PoseJudge,
-    /// Samples that were taken and did not arrive.
+    /// Samples that the sensor sent.
+    pub beams_sent: u64,
+    /// Samples that were lost on the way.
     pub beams_dropped: u64,
     /// Time the run took.
     pub wall_time: Duration,
@@ -91,6 +95,7 @@ impl RunReport {
             path_length_m: rig.flown_m(),
             steps: measured.flight.steps_done,
             beams: measured.flight.hits.received,
+            beams_sent: measured.beams_sent,
             beams_dropped: measured.beams_dropped,
             sim_time_s: rig.now().seconds(),
             wall_time_s: measured.wall_time.as_secs_f64(),

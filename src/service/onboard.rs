@@ -7,6 +7,7 @@ use crate::config::{Config, ConfigError};
 use crate::lidar::{Driver, LidarStatus, OpenError};
 use crate::pilot::Pilot;
 use crate::record::{self, LogHeader, RecordError};
+use crate::time::{Mono, Stamp};
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
@@ -101,7 +102,7 @@ impl Onboard {
         let lidar_clock = clock.clone();
         let lidar = Driver::start(lidar, move || lidar_clock.now(), scans_tx, &stop)?;
         let log = log_path(&config.log.directory)?;
-        let recorder = record::Recorder::create(&log, &header(config)?)?;
+        let recorder = record::Recorder::create(&log, &header(config, clock.now())?)?;
         let recorder = if waits_for_disk { recorder.waiting() } else { recorder };
         let (frames_tx, tags) = mpsc::channel(FRAMES_WAITING);
         let (detections_addr, camera_stats) = (listener.local_addr(), listener.stats());
@@ -186,9 +187,10 @@ fn log_path(directory: &Path) -> Result<PathBuf, OnboardError> {
     Ok(free.next().unwrap_or_else(|| directory.join("flight.mcap")))
 }
 
-fn header(config: &Config) -> Result<LogHeader, ConfigError> {
+fn header(config: &Config, now: Stamp<Mono>) -> Result<LogHeader, ConfigError> {
     let started_at = jiff::Timestamp::now().to_string();
     Ok(LogHeader {
+        started_at: now,
         config_toml: config.to_toml()?,
         notes: BTreeMap::from([("started_utc".to_owned(), started_at)]),
     })

@@ -107,7 +107,7 @@ impl Scene {
         while self.driver.now() < at_ms(ms) {
             let ticks_before = self.ticks();
             let next = (ticks_before + 1) * 1_000_000_000 / 60;
-            self.driver.advance_to(stockpilot::time::Stamp::from_nanos(next));
+            self.driver.advance_to(Stamp::from_nanos(next));
             until(|| self.ticks() > ticks_before).await;
         }
     }

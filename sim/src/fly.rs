@@ -1,0 +1,288 @@
+//! A flight of the real service: emulated LiDAR on a pseudo-terminal, stub autopilot on UDP,
+//! detections on a socket, and the service between them, all in this process.
+//!
+//! The rig owns the clock: one step of the simulation moves it by 5 ms, no faster than the wished
+//! speed and no faster than this machine simulates. The service only sees devices and that clock.
+
+use crate::hall::{Devices, config};
+use crate::judge::PoseJudge;
+use crate::lidar::{LineFaults, PtyLidar};
+use crate::operator::Operator;
+use crate::report::{Measured, RunReport};
+use crate::rig::Rig;
+use crate::scenario::Scenario;
+use anyhow::{Context, bail};
+use mavlink::dialects::ardupilotmega::MavMessage;
+use mavlink::{MAVLinkV2MessageRaw, MavHeader, MavlinkReader};
+use std::net::{SocketAddr, UdpSocket};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+use stockpilot::config::Config;
+use stockpilot::pilot::FlightSummary;
+use stockpilot::service::clock::{Clock, ClockDriver};
+use stockpilot::service::onboard::{Onboard, OnboardStats, Surroundings};
+use stockpilot::stats::SeedBook;
+use stockpilot::time::{Mono, Stamp};
+use tokio_util::sync::CancellationToken;
+
+/// What the user asks of a flight, beside the scenario.
+#[derive(Debug, Clone)]
+pub struct FlyOptions {
+    /// Flight seconds per second, at most.
+    pub speed: f64,
+    /// Where log and configuration go.
+    pub directory: PathBuf,
+    /// Show a line of progress.
+    pub shows_progress: bool,
+}
+
+/// A flight that has not ended by then will not end by itself.
+const LONGEST_FLIGHT: Duration = Duration::from_secs(900);
+/// The rig moves by one inertial sample.
+const STEP: Duration = Duration::from_millis(5);
+/// Between two looks at the sockets the service gets this long, in flight time at speed 1.
+const PROGRESS_EVERY: Duration = Duration::from_millis(250);
+
+/// Flies one scenario from start to landing.
+///
+/// # Errors
+/// A device that cannot be had, a service that does not start, or a flight without an end.
+pub fn run(scenario: &Scenario, options: &FlyOptions) -> anyhow::Result<RunReport> {
+    let runtime = tokio::runtime::Runtime::new().context("cannot start the runtime")?;
+    let (clock, driver) = Clock::driven();
+    let mut devices = EmulatedDevices::open(scenario)?;
+    let config = config(scenario, devices.addresses(&options.directory)?);
+    let stop = CancellationToken::new();
+    let around = Surroundings { clock, stop, waits_for_disk: true };
+    let onboard = runtime.block_on(Onboard::start(&config, around))?;
+    write_config(&config, onboard.log())?;
+    devices.connect(&onboard)?;
+    let log = onboard.log().to_owned();
+    let mut flight = Flight {
+        rig: Rig::new(
+            scenario.world.clone(),
+            scenario.lidar.model(),
+            scenario.camera.clone(),
+            scenario.seed,
+        ),
+        operator: Operator::default(),
+        poses: PoseJudge::default(),
+        devices,
+        driver,
+        pace: Pace::new(options.speed),
+    };
+    let outcome = flight.fly(&onboard, options);
+    onboard.stop();
+    let stats = runtime.block_on(join_driven(onboard, &flight.driver))?;
+    let summary = outcome?;
+    let (beams_sent, beams_dropped) = flight.beams_sent_and_dropped(&stats);
+    let measured = Measured {
+        flight: summary,
+        poses: flight.poses,
+        beams_sent,
+        beams_dropped,
+        wall_time: flight.pace.began.elapsed(),
+    };
+    Ok(RunReport::new(scenario, &flight.rig, &measured, Some(log)))
+}
+
+/// Waits for the service to end while the clock goes on, since its tasks may wait for an instant.
+async fn join_driven(onboard: Onboard, driver: &ClockDriver) -> anyhow::Result<OnboardStats> {
+    let mut ticker = tokio::time::interval(Duration::from_millis(1));
+    let joined = onboard.join();
+    tokio::pin!(joined);
+    loop {
+        tokio::select! {
+            stats = &mut joined => return Ok(stats?),
+            _ = ticker.tick() => driver.advance_to(driver.now().plus(STEP)),
+        }
+    }
+}
+
+/// The configuration beside the log, for `stockpilot run` and for curious people.
+fn write_config(config: &Config, log: &Path) -> anyhow::Result<()> {
+    let path = log.with_extension("toml");
+    std::fs::write(&path, config.to_toml()?)
+        .with_context(|| format!("cannot write {}", path.display()))
+}
+
+/// The far ends of the service's links.
+struct EmulatedDevices {
+    lidar: PtyLidar,
+    /// The autopilot's socket.
+    link: UdpSocket,
+    link_peer: Option<SocketAddr>,
+    /// The detector's socket.
+    detector: UdpSocket,
+    detections_peer: Option<SocketAddr>,
+    sequence: u8,
+}
+
+impl EmulatedDevices {
+    fn open(scenario: &Scenario) -> anyhow::Result<Self> {
+        let seeds = SeedBook::new(scenario.seed);
+        let baud = scenario.lidar.model().baud;
+        let faults = LineFaults { checks_speed: true, ..LineFaults::default() };
+        let socket = || -> std::io::Result<UdpSocket> {
+            let socket = UdpSocket::bind("127.0.0.1:0")?;
+            socket.set_nonblocking(true)?;
+            Ok(socket)
+        };
+        Ok(Self {
+            lidar: PtyLidar::open(baud, faults, seeds).context("no pseudo-terminal")?,
+            link: socket().context("no socket for the autopilot")?,
+            link_peer: None,
+            detector: socket().context("no socket for the detector")?,
+            detections_peer: None,
+            sequence: 0,
+        })
+    }
+
+    fn addresses(&self, directory: &Path) -> anyhow::Result<Devices> {
+        let lidar_port = self.lidar.path().to_str().context("the port's name is not UTF-8")?;
+        Ok(Devices {
+            link: "udpin:127.0.0.1:0".to_owned(),
+            lidar_port: lidar_port.to_owned(),
+            detections: "udp:127.0.0.1:0".to_owned(),
+            log_directory: directory.to_owned(),
+        })
+    }
+
+    fn connect(&mut self, onboard: &Onboard) -> anyhow::Result<()> {
+        self.link_peer = Some(onboard.link_addr().context("the link has no address")?);
+        self.detections_peer =
+            Some(onboard.detections_addr().context("the detections have no address")?);
+        Ok(())
+    }
+
+    fn send_mavlink(&mut self, header: MavHeader, message: &MavMessage) -> anyhow::Result<()> {
+        let Some(peer) = self.link_peer else { return Ok(()) };
+        let mut raw = MAVLinkV2MessageRaw::new();
+        raw.serialize_message(MavHeader { sequence: self.sequence, ..header }, message);
+        self.sequence = self.sequence.wrapping_add(1);
+        self.link.send_to(raw.raw_bytes(), peer).context("cannot send MAVLink")?;
+        Ok(())
+    }
+
+    /// All messages that the service has sent since the last call.
+    fn receive_mavlink(&self) -> Vec<(MavHeader, MavMessage)> {
+        let mut datagram = [0_u8; 2048];
+        std::iter::from_fn(|| self.link.recv(&mut datagram).ok().map(|n| decode(&datagram[..n])))
+            .flatten()
+            .collect()
+    }
+}
+
+fn decode(datagram: &[u8]) -> Vec<(MavHeader, MavMessage)> {
+    let mut reader = MavlinkReader::new(datagram);
+    std::iter::from_fn(|| reader.read_any_message().ok()).collect()
+}
+
+/// Keeps the simulation from running faster than wished.
+struct Pace {
+    began: Instant,
+    speed: f64,
+}
+
+impl Pace {
+    #[expect(clippy::disallowed_methods, reason = "the simulation owns the flight's clock")]
+    fn new(speed: f64) -> Self {
+        Self { began: Instant::now(), speed }
+    }
+
+    #[expect(clippy::disallowed_methods, reason = "paces the simulation against the wall's clock")]
+    fn wait_for(&self, flight: Stamp<Mono>) {
+        let due = Duration::from_secs_f64(flight.seconds() / self.speed);
+        let elapsed = self.began.elapsed();
+        if due > elapsed {
+            std::thread::sleep(due.saturating_sub(elapsed));
+        }
+    }
+}
+
+struct Flight {
+    rig: Rig,
+    operator: Operator,
+    poses: PoseJudge,
+    devices: EmulatedDevices,
+    driver: ClockDriver,
+    pace: Pace,
+}
+
+impl Flight {
+    fn fly(&mut self, onboard: &Onboard, options: &FlyOptions) -> anyhow::Result<FlightSummary> {
+        let limit = Stamp::ZERO.plus(LONGEST_FLIGHT);
+        let status = onboard.status();
+        let mut next_progress = Stamp::ZERO;
+        while self.rig.now() < limit {
+            self.step()?;
+            if let Some(summary) = status.borrow().flight {
+                return Ok(summary);
+            }
+            if options.shows_progress && self.rig.now() >= next_progress {
+                next_progress = self.rig.now().plus(PROGRESS_EVERY.mul_f64(options.speed));
+                show_progress(self.rig.now(), &status.borrow());
+            }
+        }
+        bail!(
+            "the flight has not ended after {} s; last words: {:?}",
+            LONGEST_FLIGHT.as_secs(),
+            self.operator.texts,
+        )
+    }
+
+    /// 5 ms of flight.
+    fn step(&mut self) -> anyhow::Result<()> {
+        let output = self.rig.step();
+        let now = self.rig.now();
+        self.pace.wait_for(now);
+        self.driver.advance_to(now);
+        for (header, message) in &output.to_companion {
+            self.devices.send_mavlink(*header, message)?;
+        }
+        for packet in &output.packets {
+            self.devices.lidar.send(packet).context("the LiDAR's line broke")?;
+        }
+        for frame in &output.frames {
+            if let Some(peer) = self.devices.detections_peer {
+                let line = crate::camera::detections_line(frame)? + "\n";
+                self.devices.detector.send_to(line.as_bytes(), peer)?;
+            }
+        }
+        for (header, message) in self.devices.receive_mavlink() {
+            let vehicle = self.rig.vehicle();
+            self.poses.hear(&message, |at| vehicle.pose_at(at));
+            self.rig.autopilot_mut().on_message(now, header, &message);
+        }
+        for (header, message) in self.rig.autopilot_mut().take_outgoing() {
+            self.devices.send_mavlink(header, &message)?;
+        }
+        self.operator.step(now, self.rig.autopilot_mut());
+        Ok(())
+    }
+
+    /// Samples that left the sensor, and those of them that are known to be lost on the way.
+    fn beams_sent_and_dropped(&self, stats: &OnboardStats) -> (u64, u64) {
+        let line = self.devices.lidar.counts();
+        let dropped_on_line = line.samples_overrun + line.samples_corrupted;
+        (line.samples_sent + dropped_on_line, dropped_on_line + stats.lidar.stats.lost_beams)
+    }
+}
+
+#[expect(clippy::print_stderr, reason = "the program's output")]
+fn show_progress(now: Stamp<Mono>, status: &stockpilot::service::ServiceStatus) {
+    let phase = status.phase.map_or("idle", |phase| phase.name());
+    let volume = status.volume.map_or_else(String::new, |report| {
+        let battery = report
+            .battery_ratio
+            .map_or_else(String::new, |b| format!("  battery {:.0} %", 100.0 * b));
+        format!(
+            "  coverage {:.0} %  volume {:.1} ± {:.1} m³  step {}{battery}",
+            100.0 * report.estimate.coverage_ratio,
+            report.estimate.volume_m3,
+            2.0 * report.estimate.sigma_m3,
+            report.steps_done,
+        )
+    });
+    eprintln!("{:6.1} s  {phase:<9}{volume}", now.seconds());
+}
