@@ -224,6 +224,7 @@ impl Config {
                     sparse_gp::Cut::Taper
                 },
             },
+            estimates_prior_height: s.estimates_prior_height,
             volume_variance: match s.volume_variance {
                 VolumeVarianceName::Printed => VolumeVariance::Printed,
                 VolumeVarianceName::Full => VolumeVariance::Full,

@@ -252,8 +252,10 @@ pub struct SurfaceSection {
     pub reach: f64,
     /// Standard deviation σ_t of the terrain's slope, no unit.
     pub slope_sigma: f64,
-    /// Height expected before anything is seen, m.
+    /// Height expected before anything is seen, m; what planners assume.
     pub prior_height_m: f64,
+    /// Ground that nothing saw counts as the mean of the measured, instead of `prior_height_m`.
+    pub estimates_prior_height: bool,
     /// Standard deviation σ_f of that expectation, m.
     pub prior_sigma_m: f64,
     /// Smoothness ν of the field between the cells.
@@ -281,6 +283,7 @@ impl Default for SurfaceSection {
             reach: 1.5,
             slope_sigma: 0.6,
             prior_height_m: 1.5,
+            estimates_prior_height: true,
             prior_sigma_m: 1.5,
             smoothness: SmoothnessName::ThreeHalves,
             has_literal_cut: false,
@@ -340,7 +343,7 @@ impl Default for PlanningSection {
             n_steps: 50,
             height_m: 7.0,
             yaw_deg: 0.0,
-            inset_m: 1.0,
+            inset_m: 0.0,
             leg_spacing_m: 5.0,
             step_radius_m: 2.0,
             candidate_spacing_m: 1.0,

@@ -120,6 +120,11 @@ impl Localizer {
         let Some(camera) = self.settings.cameras.get(usize::from(frame.camera.0)) else {
             return record;
         };
+        if self.ring.is_none() && self.gyro_bias_at_rest().is_none() {
+            // Nothing can start yet, so the search for a pose would be for nothing.
+            record.verdict = Verdict::NotInitialized;
+            return record;
+        }
         let features = vision_fix::features(&self.settings.marker_map, &frame.tags);
         record.n_tags_used = features.len() / 4;
         let state = self.ring.as_ref().and_then(|ring| ring.state_at(at));

@@ -16,9 +16,9 @@
 use super::camera_model::CameraModel;
 use super::marker_map::MarkerMap;
 use super::planar_pose::camera_from_hall_candidates;
-use crate::geometry::{Body, Hall, Point, Transform, skew};
+use crate::geometry::{Body, Camera, Hall, Point, Transform, skew};
 use crate::messages::{FixOutcome, TagDetection};
-use nalgebra::{Matrix2x6, Matrix6, Vector2, Vector6};
+use nalgebra::{Matrix2x6, Matrix3, Matrix6, Vector2, Vector6};
 
 /// One mapped point and the pixel where it was seen.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -89,7 +89,10 @@ pub fn solve(
     if features.is_empty() {
         return Err(NoFix::NoKnownTag);
     }
-    let starts = prior.map_or_else(|| cold_starts(camera, features), |pose| vec![*pose]);
+    let starts = prior.map_or_else(
+        || cold_starts(camera, features, settings.corner_sigma_px),
+        |pose| vec![*pose],
+    );
     let robust = starts
         .iter()
         .filter_map(|start| minimize(camera, features, start, settings.corner_sigma_px))
@@ -114,9 +117,10 @@ pub fn predicted_cov(
     hall_from_body: &Transform<Hall, Body>,
     corner_sigma_px: f64,
 ) -> Option<Matrix6<f64>> {
+    let reprojector = Reprojector::new(camera, hall_from_body);
     let JtJ = places
         .iter()
-        .filter_map(|place| reproject(camera, hall_from_body, place))
+        .filter_map(|place| reprojector.reproject(place))
         .filter(|(pixel, _)| camera.contains(pixel, 0.0))
         .map(|(_, J)| J.transpose() * J)
         .sum::<Matrix6<f64>>();
@@ -129,25 +133,37 @@ pub fn q_pos(pose_cov: &Matrix6<f64>) -> f64 {
     1.0 / pose_cov.trace().sqrt()
 }
 
-/// Pixel of a hall point, and its derivative by the pose (2×6).
-///
-/// ```text
-/// p_c = R_cb (Rᵀ (P − p) − t_bc),   ∂p_c/∂p = −R_cb Rᵀ,   ∂p_c/∂θ = R_cb [Rᵀ (P − p)]^
-/// ```
-fn reproject(
-    camera: &CameraModel,
-    hall_from_body: &Transform<Hall, Body>,
-    place: &Point<Hall>,
-) -> Option<(Vector2<f64>, Matrix2x6<f64>)> {
-    let p_body = hall_from_body.inverse() * *place;
-    let camera_from_body = camera.body_from_camera.inverse();
-    let (pixel, by_p_camera) = camera.project(&(camera_from_body * p_body))?;
-    let R_cb = camera_from_body.rotation.matrix();
-    let R_bh = hall_from_body.rotation.inverse().matrix();
-    let mut J = Matrix2x6::zeros();
-    J.fixed_columns_mut::<3>(0).copy_from(&(by_p_camera * -(R_cb * R_bh)));
-    J.fixed_columns_mut::<3>(3).copy_from(&(by_p_camera * R_cb * skew(&p_body.coords)));
-    Some((pixel, J))
+/// Projects hall points from one pose; what the points share is computed once.
+struct Reprojector<'a> {
+    camera: &'a CameraModel,
+    body_from_hall: Transform<Body, Hall>,
+    camera_from_body: Transform<Camera, Body>,
+    R_cb: Matrix3<f64>,
+    R_ch: Matrix3<f64>,
+}
+
+impl<'a> Reprojector<'a> {
+    fn new(camera: &'a CameraModel, hall_from_body: &Transform<Hall, Body>) -> Self {
+        let body_from_hall = hall_from_body.inverse();
+        let camera_from_body = camera.body_from_camera.inverse();
+        let R_cb = camera_from_body.rotation.matrix();
+        let R_ch = R_cb * body_from_hall.rotation.matrix();
+        Self { camera, body_from_hall, camera_from_body, R_cb, R_ch }
+    }
+
+    /// Pixel of a hall point, and its derivative by the pose (2×6).
+    ///
+    /// ```text
+    /// p_c = R_cb (Rᵀ (P − p) − t_bc),   ∂p_c/∂p = −R_cb Rᵀ,   ∂p_c/∂θ = R_cb [Rᵀ (P − p)]^
+    /// ```
+    fn reproject(&self, place: &Point<Hall>) -> Option<(Vector2<f64>, Matrix2x6<f64>)> {
+        let p_body = self.body_from_hall * *place;
+        let (pixel, by_p_camera) = self.camera.project(&(self.camera_from_body * p_body))?;
+        let mut J = Matrix2x6::zeros();
+        J.fixed_columns_mut::<3>(0).copy_from(&(by_p_camera * -self.R_ch));
+        J.fixed_columns_mut::<3>(3).copy_from(&(by_p_camera * self.R_cb * skew(&p_body.coords)));
+        Some((pixel, J))
+    }
 }
 
 struct Minimum {
@@ -180,8 +196,9 @@ fn normal_equations(
     sigma_px: f64,
 ) -> Normal {
     let mut normal = Normal { JtJ: Matrix6::zeros(), Jtr: Vector6::zeros(), cost: 0.0 };
+    let reprojector = Reprojector::new(camera, pose);
     for feature in features {
-        let Some((pixel, J)) = reproject(camera, pose, &feature.place) else {
+        let Some((pixel, J)) = reprojector.reproject(&feature.place) else {
             normal.cost += huber(UNSEEN_SIGMAS).0;
             continue;
         };
@@ -231,22 +248,49 @@ fn minimize(
     Some(Minimum { pose, cost: normal.cost })
 }
 
-/// A start from each tag, both planar solutions of each.
-fn cold_starts(camera: &CameraModel, features: &[PointFeature]) -> Vec<Transform<Hall, Body>> {
-    features
-        .as_chunks::<4>()
-        .0
-        .iter()
-        .filter_map(|tag| {
-            let mut directions = [Vector2::zeros(); 4];
-            for (direction, corner) in directions.iter_mut().zip(tag) {
-                *direction = camera.unproject(&corner.pixel)?;
-            }
-            Some(camera_from_hall_candidates(&tag.map(|corner| corner.place), &directions))
-        })
-        .flatten()
-        .map(|camera_from_hall| (camera.body_from_camera * camera_from_hall).inverse())
-        .collect()
+/// Tags that give starts: the largest ones determine their own pose best.
+const MAX_START_TAGS: usize = 6;
+/// Starts that are worth an iteration, by their cost before it.
+const MAX_STARTS: usize = 3;
+
+/// The best starts from single tags, both planar solutions of each.
+fn cold_starts(
+    camera: &CameraModel,
+    features: &[PointFeature],
+    sigma_px: f64,
+) -> Vec<Transform<Hall, Body>> {
+    let mut tags: Vec<&[PointFeature; 4]> = features.as_chunks::<4>().0.iter().collect();
+    let diagonal_px = |tag: &[PointFeature; 4]| (tag[2].pixel - tag[0].pixel).norm();
+    tags.sort_by(|a, b| diagonal_px(b).total_cmp(&diagonal_px(a)));
+    let mut starts: Vec<_> = tags
+        .into_iter()
+        .take(MAX_START_TAGS)
+        .flat_map(|tag| single_tag_poses(camera, tag))
+        .map(|pose| (normal_equations(camera, features, &pose, sigma_px).cost, pose))
+        .collect();
+    starts.sort_by(|a, b| a.0.total_cmp(&b.0));
+    starts.into_iter().take(MAX_STARTS).map(|(_, pose)| pose).collect()
+}
+
+fn single_tag_poses(
+    camera: &CameraModel,
+    tag: &[PointFeature; 4],
+) -> impl Iterator<Item = Transform<Hall, Body>> + use<> {
+    let mut directions = [Vector2::zeros(); 4];
+    let mut is_seen = true;
+    for (direction, corner) in directions.iter_mut().zip(tag) {
+        match camera.unproject(&corner.pixel) {
+            Some(n) => *direction = n,
+            None => is_seen = false,
+        }
+    }
+    let corners = tag.map(|corner| corner.place);
+    let body_from_camera = camera.body_from_camera;
+    let candidates =
+        if is_seen { camera_from_hall_candidates(&corners, &directions) } else { Vec::new() };
+    candidates
+        .into_iter()
+        .map(move |camera_from_hall| (body_from_camera * camera_from_hall).inverse())
 }
 
 fn within_gate(
@@ -256,8 +300,10 @@ fn within_gate(
     settings: &Settings,
 ) -> Vec<PointFeature> {
     let gate_px = POINT_GATE_SIGMAS * settings.corner_sigma_px;
+    let reprojector = Reprojector::new(camera, pose);
     let is_near = |feature: &&PointFeature| {
-        reproject(camera, pose, &feature.place)
+        reprojector
+            .reproject(&feature.place)
             .is_some_and(|(pixel, _)| (pixel - feature.pixel).norm() <= gate_px)
     };
     features.iter().filter(is_near).copied().collect()
@@ -271,8 +317,9 @@ fn outcome(
 ) -> Result<FixOutcome, NoFix> {
     let mut JtJ = Matrix6::zeros();
     let mut squares_px2 = 0.0;
+    let reprojector = Reprojector::new(camera, pose);
     for feature in features {
-        let (pixel, J) = reproject(camera, pose, &feature.place).ok_or(NoFix::BadResidual)?;
+        let (pixel, J) = reprojector.reproject(&feature.place).ok_or(NoFix::BadResidual)?;
         JtJ += J.transpose() * J;
         squares_px2 += (feature.pixel - pixel).norm_squared();
     }
@@ -335,7 +382,7 @@ mod tests {
             let corners: Option<Vec<PointFeature>> = tag
                 .iter()
                 .map(|&place| {
-                    let (pixel, _) = reproject(&camera, pose, &place)?;
+                    let (pixel, _) = Reprojector::new(&camera, pose).reproject(&place)?;
                     let blur = Vector2::new(noise.normal(), noise.normal()) * sigma_px;
                     camera
                         .contains(&pixel, 0.0)
@@ -353,11 +400,13 @@ mod tests {
         let camera = distorted_camera();
         let pose = truth();
         for place in wall_tags().concat() {
-            let Some((_, J)) = reproject(&camera, &pose, &place) else { continue };
+            let Some((_, J)) = Reprojector::new(&camera, &pose).reproject(&place) else { continue };
             for k in 0..6 {
                 let step = Vector6::ith(k, 1e-6);
-                let at =
-                    |s: Vector6<f64>| reproject(&camera, &moved(&pose, &s), &place).map(|r| r.0);
+                let at = |s: Vector6<f64>| {
+                    let moved = moved(&pose, &s);
+                    Reprojector::new(&camera, &moved).reproject(&place).map(|r| r.0)
+                };
                 let numeric = (at(step).expect("seen") - at(-step).expect("seen")) / 2e-6;
                 let analytic: Vector2<f64> = J.column(k).into();
                 assert!((numeric - analytic).norm() < 1e-4 * (1.0 + analytic.norm()));

@@ -145,6 +145,28 @@ impl KalmanGrid {
         &self.mean_m
     }
 
+    /// The mean heights that the same hits would have left on another prior height, m.
+    ///
+    /// ```text
+    /// μ' = μ + w (h0' − h0),   w = Π (1 − K) = σ²/σ_0² (Kalman) or σ/σ_0 (printed)
+    /// ```
+    /// Every update is linear in the mean, so this is exact.
+    #[must_use]
+    pub fn mean_on_prior_m(&self, prior_height_m: f64) -> Vec<f64> {
+        let shift_m = prior_height_m - self.settings.prior_height_m;
+        let prior_var_m2 = self.settings.prior_sigma_m.powi(2);
+        std::iter::zip(&self.mean_m, &self.var_m2)
+            .map(|(mean_m, var_m2)| {
+                let var_share = var_m2 / prior_var_m2;
+                let weight = match self.settings.variance_update {
+                    VarianceUpdate::Printed => var_share.sqrt(),
+                    VarianceUpdate::Kalman => var_share,
+                };
+                mean_m + weight * shift_m
+            })
+            .collect()
+    }
+
     /// Variance of each cell, m².
     #[must_use]
     pub fn var_m2(&self) -> &[f64] {
@@ -221,6 +243,25 @@ mod tests {
             }
         }
         assert!(n_updated > 8);
+    }
+
+    #[test]
+    fn another_prior_height_gives_what_it_would_have_given_from_the_start() {
+        for law in [VarianceUpdate::Printed, VarianceUpdate::Kalman] {
+            let run = |prior_height_m| {
+                let mut grid =
+                    KalmanGrid::new(geometry(), Settings { prior_height_m, ..settings(law) });
+                for k in 0..5 {
+                    let k = f64::from(k);
+                    grid.insert(&level_hit(0.3 * k, 2.5 + 0.2 * k, 1.0 + k, 0.05));
+                }
+                grid
+            };
+            let (low, high) = (run(0.0), run(2.0));
+            for (a, b) in low.mean_on_prior_m(2.0).iter().zip(high.mean_m()) {
+                assert!((a - b).abs() < 1e-12);
+            }
+        }
     }
 
     #[test]

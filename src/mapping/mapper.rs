@@ -39,6 +39,9 @@ pub struct Settings {
     pub kalman_grid: kalman_grid::Settings,
     /// The prior of the Gaussian process over the cells.
     pub gp: sparse_gp::Settings,
+    /// The prior height is the mean of the measured cells instead of the configured one, so that
+    /// ground that nothing saw counts as average ground.
+    pub estimates_prior_height: bool,
     /// How σ^V is added up.
     pub volume_variance: VolumeVariance,
     /// Beams are not used while the largest position σ exceeds this, m.
@@ -133,17 +136,31 @@ impl Mapper {
         &self.base
     }
 
+    /// h0: configured, or the mean height of the cells that a beam has hit.
+    fn prior_height_m(&self) -> f64 {
+        let configured_m = self.settings.kalman_grid.prior_height_m;
+        if !self.settings.estimates_prior_height {
+            return configured_m;
+        }
+        let areas_m2 = self.base.cell_areas_m2.iter().zip(self.grid.n_hits());
+        let (area_m2, volume_m3) = std::iter::zip(areas_m2, self.grid.mean_m())
+            .filter(|((_, n_hits), _)| **n_hits > 0)
+            .fold((0.0, 0.0), |(area, volume), ((a, _), mean)| (area + a, volume + a * mean));
+        if area_m2 > 0.0 { volume_m3 / area_m2 } else { configured_m }
+    }
+
     /// Everything a solve of the surface needs, as it is now.
     #[must_use]
     pub fn snapshot(&self, at: Stamp<Mono>, wants_marginals: bool) -> SolveSurface {
+        let prior_height_m = self.prior_height_m();
         SolveSurface {
             at,
             geometry: *self.grid.geometry(),
-            cell_mean_m: self.grid.mean_m().to_vec(),
+            cell_mean_m: self.grid.mean_on_prior_m(prior_height_m),
             cell_var_m2: self.grid.var_m2().to_vec(),
             coverage_ratio: self.base.area_share(|cell| self.grid.n_hits()[cell] > 0),
             base: self.base.clone(),
-            gp: self.settings.gp,
+            gp: sparse_gp::Settings { mean_m: prior_height_m, ..self.settings.gp },
             volume_variance: self.settings.volume_variance,
             wants_marginals,
         }
@@ -255,6 +272,7 @@ mod tests {
                 mean_m: 1.5,
                 cut: sparse_gp::Cut::Taper,
             },
+            estimates_prior_height: true,
             volume_variance: VolumeVariance::Full,
             max_position_sigma_m: 0.2,
         }
