@@ -20,7 +20,7 @@ fn parsed(table: &Table) -> Config {
 
 fn keep_only(value: &mut Value, keys: &[&str]) {
     match value {
-        Value::Table(table) => table.retain(|key, _| keys.iter().any(|k| k == key)),
+        Value::Table(table) => table.retain(|key, _| keys.contains(&key)),
         Value::Array(elements) => elements.iter_mut().for_each(|element| keep_only(element, keys)),
         _ => panic!("{value} is neither a table nor an array"),
     }
@@ -44,8 +44,8 @@ fn keys_of(value: &Value, path: &str, keys: &mut Vec<String>) {
 fn the_example_is_the_default() {
     let example: Table = EXAMPLE.parse().unwrap();
     let mut least = example.clone();
-    least.retain(|section, value| {
-        let required = REQUIRED.iter().find(|(name, _)| *name == **section);
+    least.retain(|section: &str, value| {
+        let required = REQUIRED.iter().find(|(name, _)| *name == section);
         required.inspect(|(_, keys)| keep_only(value, keys)).is_some()
     });
     assert_eq!(least.len(), REQUIRED.len());
