@@ -1,6 +1,6 @@
 //! The parameter file for PX4 agrees with its README and with the simulated autopilot.
 
-#![expect(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
+#![expect(clippy::unwrap_used, clippy::panic, reason = "a test may stop at the first surprise")]
 
 use std::collections::BTreeMap;
 use stockpilot_sim::autopilot::{ParamTable, ParamValue};
