@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Reads logs with the independent Python readers of MCAP and decodes every message.
 
-Usage: read_log.py LOG...        (pip install mcap mcap-protobuf-support lz4 jsonschema)
+Usage: read_log.py LOG...        (packages: requirements.txt; `run` installs them)
 
 Lists the channels with their counts. Exits with 1 at the first message that cannot be decoded, does
 not keep to its JSON schema, or stands out of order.

@@ -1,0 +1,38 @@
+# What CI runs, in its order; `.ci/run` does the same without `just`.
+default: fmt-check lint core test doc interop
+
+# The code is formatted.
+fmt-check:
+    cargo fmt --all --check
+
+# No warning in any target.
+lint:
+    cargo clippy --workspace --all-targets --locked -- -D warnings
+
+# The brain builds without input and output.
+core:
+    cargo check -p stockpilot --lib --no-default-features --locked
+
+# Every test.
+test:
+    cargo test --workspace --locked
+
+# The documentation builds without a broken link.
+doc:
+    RUSTDOCFLAGS='-D warnings' cargo doc --workspace --no-deps --locked
+
+# Python's MCAP readers open the log that the tests wrote.
+interop:
+    bash tests/interop/run target/interop target/tmp/every_channel.mcap
+
+# One simulated flight through the real service: `just fly --world piles --planner square-wave`.
+fly *ARGS:
+    cargo run --release -p stockpilot-sim --locked -- fly {{ARGS}}
+
+# Many flights without bytes and threads: `just campaign --world alps --seeds 0..20`.
+campaign *ARGS:
+    cargo run --release -p stockpilot-sim --locked -- campaign {{ARGS}}
+
+# Advisories, licences, sources and duplicates of the dependencies (needs cargo-deny).
+deny:
+    cargo deny --locked check

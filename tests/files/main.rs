@@ -1,0 +1,6 @@
+//! Files beside the code say what the code does.
+
+#![expect(clippy::unwrap_used, clippy::panic, reason = "a test may stop at the first surprise")]
+
+mod example_config;
+mod safety_rules;
