@@ -82,8 +82,13 @@ async fn fly(config: &Config) -> anyhow::Result<ExitCode> {
     let around = Surroundings { clock: Clock::real(), stop: stop.clone(), waits_for_disk: false };
     let onboard = Onboard::start(config, around).await?;
     tracing::info!(log = %onboard.log().display(), "recording");
-    wait_for_signal().await?;
-    tracing::info!("ending: the autopilot takes over by its own failsafe");
+    tokio::select! {
+        signal = wait_for_signal() => {
+            signal?;
+            tracing::info!("ending: the autopilot takes over by its own failsafe");
+        }
+        () = onboard.ended() => tracing::error!("the brain has stopped by itself"),
+    }
     onboard.stop();
     let stats = onboard.join().await?;
     tracing::info!(?stats, "ended");

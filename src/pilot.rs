@@ -379,7 +379,8 @@ impl Pilot {
         if let Some(choice) = self.route.choice_due(&from, &self.mapper, lidar) {
             let id = self.new_job_id();
             self.jobs.choice = Some(id);
-            actions.push(Action::Start { id, job: Box::new(Job::ChooseWaypoint(choice)) });
+            actions
+                .push(Action::Start { id, job: Box::new(Job::ChooseWaypoint(Box::new(choice))) });
         }
     }
 
@@ -399,8 +400,22 @@ impl Pilot {
                 self.jobs.solve = None;
                 self.on_solved(solved, actions);
             }
+            JobOutput::Died => self.on_died(id, actions),
             // A job that a later one has replaced.
             JobOutput::WaypointChosen(_) | JobOutput::SurfaceSolved(_) => {}
+        }
+    }
+
+    /// Goes on without the result of a job: no more waypoints, or the last volume.
+    fn on_died(&mut self, id: JobId, actions: &mut Vec<Action>) {
+        if self.jobs.choice == Some(id) {
+            self.jobs.choice = None;
+            self.route.on_choice(None, self.now);
+            say(actions, Severity::Error, "the planner died: ending the survey".to_owned());
+        } else if self.jobs.solve == Some(id) {
+            self.jobs.solve = None;
+            say(actions, Severity::Error, "the surface could not be solved".to_owned());
+            self.end_if_final(actions);
         }
     }
 
@@ -416,6 +431,11 @@ impl Pilot {
             }
             Err(error) => say(actions, Severity::Error, format!("no surface: {error}")),
         }
+        self.end_if_final(actions);
+    }
+
+    /// After the last solve of a flight: the final report.
+    fn end_if_final(&mut self, actions: &mut Vec<Action>) {
         if !self.jobs.is_final_solve {
             return;
         }

@@ -44,7 +44,7 @@ pub struct Settings {
     pub nominal_height_m: f64,
     /// Beams beyond this angle from straight down are not counted on, rad.
     pub swath_half_angle_rad: f64,
-    /// τ: waypoints need a quality of fix q_pos above it.
+    /// τ: waypoints need a quality of fix `q_pos` above it.
     pub min_fix_quality: f64,
     /// Bounds of the trajectory.
     pub limits: trajectory::Limits,

@@ -250,13 +250,13 @@ pub struct SurfaceSection {
     pub length_scale_m: f64,
     /// Reach γ in length scales.
     pub reach: f64,
-    /// Standard deviation σ_t of the terrain's slope, no unit.
+    /// Standard deviation `σ_t` of the terrain's slope, no unit.
     pub slope_sigma: f64,
     /// Height expected before anything is seen, m; what planners assume.
     pub prior_height_m: f64,
     /// Ground that nothing saw counts as the mean of the measured, instead of `prior_height_m`.
     pub estimates_prior_height: bool,
-    /// Standard deviation σ_f of that expectation, m.
+    /// Standard deviation `σ_f` of that expectation, m.
     pub prior_sigma_m: f64,
     /// Smoothness ν of the field between the cells.
     pub smoothness: SmoothnessName,
@@ -380,7 +380,7 @@ impl Default for MissionSection {
             return_battery_percent: 25.0,
             land_battery_percent: 12.0,
             preflight_timeout_s: 60.0,
-            land_after_fix_lost_s: 5.0,
+            land_after_fix_lost_s: 3.0,
             return_after_lidar_lost_s: 10.0,
         }
     }
@@ -410,7 +410,7 @@ pub struct CameraSection {
     pub focal_px: [f64; 2],
     /// Principal point, px.
     pub principal_px: [f64; 2],
-    /// k1, k2, p1, p2 in the order of OpenCV.
+    /// k1, k2, p1, p2 in the order of `OpenCV`.
     #[serde(default)]
     pub distortion: [f64; 4],
     /// Where it is bolted; at 0, 0, 0 degrees it looks forward with an upright image, and

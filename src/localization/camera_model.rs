@@ -6,7 +6,7 @@
 //! y_d = y (1 + k₁r² + k₂r⁴) + p₁ (r² + 2y²) + 2 p₂ x y
 //! u = f_x x_d + c_x,  v = f_y y_d + c_y
 //! ```
-//! Source: Brown 1966, in the form of the OpenCV camera model.
+//! Source: Brown 1966, in the form of the `OpenCV` camera model.
 
 use crate::geometry::{Body, Camera, Point, Transform};
 use nalgebra::{Matrix2, Matrix2x3, Vector2};

@@ -13,7 +13,7 @@
 //!
 //! Order and size of the error state: [`crate::messages::state`].
 //! Source: Solà 2017, "Quaternion kinematics for the error-state Kalman filter", section 7 (there
-//! in the order p, v, θ, b_a, b_g).
+//! in the order p, v, θ, `b_a`, `b_g`).
 //! Checked: `transition_matches_central_difference`.
 #![expect(non_snake_case, reason = "matrices carry the letters of the equations")]
 

@@ -142,8 +142,8 @@ impl Localizer {
                 if let Some(state) = &state {
                     fix.pose_cov += self.capture_time_cov(state);
                 }
-                record.fix = Some(fix.clone());
-                self.take_fix(at, fix, &mut record);
+                self.take_fix(at, &fix, &mut record);
+                record.fix = Some(fix);
             }
             Err(NoFix::NoKnownTag) => {}
             Err(NoFix::NotObservable) => record.verdict = Verdict::NotObservable,
@@ -152,9 +152,9 @@ impl Localizer {
         record
     }
 
-    fn take_fix(&mut self, at: Stamp<Mono>, fix: FixOutcome, record: &mut FixRecord) {
+    fn take_fix(&mut self, at: Stamp<Mono>, fix: &FixOutcome, record: &mut FixRecord) {
         let Some(ring) = &mut self.ring else {
-            record.verdict = self.start(at, &fix);
+            record.verdict = self.start(at, fix);
             return;
         };
         let pose = fix.hall_from_body;
@@ -169,7 +169,7 @@ impl Localizer {
                     self.gated = GatedStreak::default();
                     Verdict::Fused
                 } else if self.gated.outvotes_filter(at, &pose) {
-                    self.restart(at, &fix)
+                    self.restart(at, fix)
                 } else {
                     Verdict::Gated
                 }

@@ -31,7 +31,7 @@ pub struct Settings {
     pub length_scale_m: f64,
     /// Reach γ in length scales.
     pub reach: f64,
-    /// Standard deviation σ_t of the terrain's slope, no unit.
+    /// Standard deviation `σ_t` of the terrain's slope, no unit.
     pub slope_sigma: f64,
     /// Height that is expected before anything is seen, m.
     pub prior_height_m: f64,
@@ -62,7 +62,7 @@ pub struct KalmanGrid {
     mean_m: Vec<f64>,
     var_m2: Vec<f64>,
     n_hits: Vec<u32>,
-    /// σ_t² (e^{s/l} − 1) at equal steps of s²: the exponential of every pair would dominate.
+    /// `σ_t²` (e^{s/l} − 1) at equal steps of s²: the exponential of every pair would dominate.
     spread_var_m2: Vec<f64>,
 }
 

@@ -7,7 +7,7 @@
 //! ```text
 //! Z_ij = (δ_ij/L_jj − Σ_{k>j} L_kj Z_ki) / L_jj        i ≥ j, both in the pattern of column j
 //! ```
-//! and every Z_ki needed lies in the pattern already.
+//! and every `Z_ki` needed lies in the pattern already.
 
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt::factor::LltRegularization;
@@ -156,7 +156,7 @@ impl Columns<'_> {
         (0..n).map(|j| inverse[self.starts[j]]).collect()
     }
 
-    /// Adds L_kj Z_ki to the sum of every row i of column j, using Z_ki = Z_ik.
+    /// Adds `L_kj` `Z_ki` to the sum of every row i of column j, using `Z_ki` = `Z_ik`.
     fn add_products(
         &self,
         inverse: &[f64],

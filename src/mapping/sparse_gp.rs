@@ -48,7 +48,7 @@ pub struct Settings {
     pub length_scale_m: f64,
     /// Reach γ in length scales.
     pub reach: f64,
-    /// Standard deviation σ_f, m.
+    /// Standard deviation `σ_f`, m.
     pub sigma_m: f64,
     /// Mean h₀, m.
     pub mean_m: f64,
@@ -167,7 +167,7 @@ impl Posterior {
     }
 }
 
-/// The lower triangle of K_XX + Σ².
+/// The lower triangle of `K_XX` + Σ².
 fn covariance_lower(
     grid: &GridGeometry,
     cell_var_m2: &[f64],
@@ -175,7 +175,7 @@ fn covariance_lower(
 ) -> Vec<(usize, usize, f64)> {
     let stencil = stencil(grid.cell_m, settings);
     let mut lower = Vec::with_capacity(grid.n_cells() * stencil.len());
-    for cell in 0..grid.n_cells() {
+    for (cell, var_m2) in cell_var_m2.iter().enumerate() {
         let (row, col) = (cell / grid.n_cols, cell % grid.n_cols);
         for &(d_row, d_col, covariance) in &stencil {
             let Some(other_col) = col.checked_add_signed(d_col).filter(|&c| c < grid.n_cols) else {
@@ -183,7 +183,7 @@ fn covariance_lower(
             };
             if row + d_row < grid.n_rows {
                 let other = grid.index(other_col, row + d_row);
-                let noise = if other == cell { cell_var_m2[cell] } else { 0.0 };
+                let noise = if other == cell { *var_m2 } else { 0.0 };
                 lower.push((other, cell, covariance + noise));
             }
         }
@@ -196,7 +196,6 @@ fn covariance_lower(
     clippy::cast_possible_truncation,
     clippy::cast_precision_loss,
     clippy::cast_sign_loss,
-    clippy::cast_possible_wrap,
     reason = "the reach is a few cells"
 )]
 fn stencil(cell_m: f64, settings: &Settings) -> Vec<(usize, isize, f64)> {

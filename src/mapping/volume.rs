@@ -10,7 +10,7 @@ pub struct Base {
 }
 
 impl Base {
-    /// V = Σ A_ij (h_ij − base), m³.
+    /// V = Σ `A_ij` (`h_ij` − base), m³.
     #[must_use]
     pub fn volume_m3(&self, surface_m: &[f64]) -> f64 {
         std::iter::zip(&self.cell_areas_m2, surface_m)

@@ -39,7 +39,7 @@ impl Default for Settings {
             stream_before_mode: Duration::from_millis(1_500),
             command_retry: Duration::from_secs(2),
             take_off_timeout: Duration::from_secs(30),
-            land_after_fix_lost: Duration::from_secs(5),
+            land_after_fix_lost: Duration::from_secs(3),
             recovered_after: Duration::from_secs(1),
             return_after_lidar_lost: Duration::from_secs(10),
         }

@@ -447,9 +447,9 @@ mod tests {
         let mut effects = Vec::new();
         mission.step(&Inputs { has_position: false, ..flying(20.0) }, &mut effects);
         assert_eq!(mission.phase(), Phase::Hold);
-        mission.step(&Inputs { has_position: false, ..flying(24.9) }, &mut effects);
+        mission.step(&Inputs { has_position: false, ..flying(22.9) }, &mut effects);
         assert_eq!(mission.phase(), Phase::Hold);
-        mission.step(&Inputs { has_position: false, ..flying(25.1) }, &mut effects);
+        mission.step(&Inputs { has_position: false, ..flying(23.1) }, &mut effects);
         assert_eq!(mission.phase(), Phase::Land);
         assert_eq!(effects.last(), Some(&Effect::Command(VehicleCommand::EnterLand)));
     }

@@ -23,7 +23,7 @@ pub struct Site {
 }
 
 impl Site {
-    /// q_pos; 0 where a fix is not observable.
+    /// `q_pos`; 0 where a fix is not observable.
     #[must_use]
     pub fn quality(&self) -> f64 {
         self.fix_cov.as_ref().map_or(0.0, q_pos)

@@ -214,7 +214,7 @@ impl Segment {
 /// v_k ≤ v_max cos²(β_k/2),   v_k² ≤ v_{k+1}² + a_max d_k,   v_1² ≤ v_0² + a_max d_0
 /// direction (u_in + u_out)/|u_in + u_out|
 /// ```
-/// - `speed_mps`: speed at the start of the path, v_0
+/// - `speed_mps`: speed at the start of the path, `v_0`
 /// - `path`: where the vehicle is, the waypoint to pass, and those behind it; the last one is a stop
 /// - `β_k`: angle of the turn at waypoint k; more than 120° stops
 /// - `d_k`: length of the leg to the next waypoint, m; half the sharpest braking is counted on,

@@ -151,6 +151,12 @@ impl Onboard {
         &self.log
     }
 
+    /// Returns when the brain's task is over, asked for or not.
+    pub async fn ended(&self) {
+        let mut status = self.service.status();
+        while status.changed().await.is_ok() {}
+    }
+
     /// Asks everything to end; the vehicle is left to the autopilot's failsafe.
     pub fn stop(&self) {
         self.service.stop();
