@@ -89,14 +89,14 @@ impl KalmanGrid {
         }
     }
 
-    /// Updates all cells within reach of the hit.
+    /// Updates all cells within reach of the hit whose centre (x, y) `is_open` to it.
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
         clippy::cast_precision_loss,
         reason = "cell numbers are clamped to the grid before the cast; s² to the table"
     )]
-    pub fn insert(&mut self, hit: &Hit) {
+    pub fn insert(&mut self, hit: &Hit, is_open: impl Fn((f64, f64)) -> bool) {
         let g = self.geometry;
         let (x, y, z) = (hit.place.coords.x, hit.place.coords.y, hit.place.coords.z);
         if let Some(cell) = g.cell_at(x, y) {
@@ -115,7 +115,9 @@ impl KalmanGrid {
             for col in first(cx)..last(cx, g.n_cols) {
                 let dx_m = (col as f64 - cx) * g.cell_m;
                 let step = ((dx_m * dx_m + dy_m * dy_m) * steps_per_m2).round() as usize;
-                if let Some(spread_var_m2) = self.spread_var_m2.get(step) {
+                if let Some(spread_var_m2) = self.spread_var_m2.get(step)
+                    && is_open((x + dx_m, y + dy_m))
+                {
                     self.update(g.index(col, row), z, height_var_m2 + spread_var_m2);
                 }
             }
@@ -215,7 +217,7 @@ mod tests {
             let mut grid = KalmanGrid::new(geometry(), settings(law));
             let (x, y) = geometry().centre_m(40);
             for _ in 0..10 {
-                grid.insert(&level_hit(x, y, 1.0, 0.04));
+                grid.insert(&level_hit(x, y, 1.0, 0.04), |_| true);
             }
             grid.var_m2()[40].sqrt()
         };
@@ -227,7 +229,7 @@ mod tests {
     fn a_hit_updates_exactly_the_cells_within_reach() {
         let mut grid = KalmanGrid::new(geometry(), settings(VarianceUpdate::Kalman));
         let (x, y) = (0.31, 2.07);
-        grid.insert(&level_hit(x, y, 2.0, 0.01));
+        grid.insert(&level_hit(x, y, 2.0, 0.01), |_| true);
         let mut n_updated = 0;
         for cell in 0..geometry().n_cells() {
             let (cell_x, cell_y) = geometry().centre_m(cell);
@@ -253,7 +255,7 @@ mod tests {
                     KalmanGrid::new(geometry(), Settings { prior_height_m, ..settings(law) });
                 for k in 0..5 {
                     let k = f64::from(k);
-                    grid.insert(&level_hit(0.3 * k, 2.5 + 0.2 * k, 1.0 + k, 0.05));
+                    grid.insert(&level_hit(0.3 * k, 2.5 + 0.2 * k, 1.0 + k, 0.05), |_| true);
                 }
                 grid
             };
@@ -268,7 +270,7 @@ mod tests {
     fn hits_at_the_border_stay_inside_the_grid() {
         let mut grid = KalmanGrid::new(geometry(), settings(VarianceUpdate::Kalman));
         for (x, y) in [(-1.0, 2.0), (2.0, 4.25), (-50.0, 3.0), (0.0, 99.0)] {
-            grid.insert(&level_hit(x, y, 1.0, 0.01));
+            grid.insert(&level_hit(x, y, 1.0, 0.01), |_| true);
         }
         assert!(grid.mean_m().iter().all(|m| m.is_finite()));
     }

@@ -1,7 +1,7 @@
 //! The face of the mapping: scans and poses in, surface and volume out.
 
 use super::kalman_grid::{self, KalmanGrid};
-use super::projection::{LidarMount, project};
+use super::projection::{Hit, LidarMount, project};
 use super::region::Region;
 use super::sparse_gp::{self, GpError, Posterior};
 use super::volume::Base;
@@ -54,6 +54,8 @@ pub struct Mapper {
     settings: Settings,
     grid: KalmanGrid,
     base: Base,
+    /// Cells whose hits may reach over an exclusion.
+    is_near_exclusion: Vec<bool>,
     counts: HitCounts,
 }
 
@@ -69,8 +71,12 @@ impl Mapper {
             height_m: settings.base_height_m,
             cell_areas_m2: settings.region.cell_areas_m2(&geometry),
         };
-        let grid = KalmanGrid::new(geometry, settings.kalman_grid);
-        Self { settings, grid, base, counts: HitCounts::default() }
+        let kalman = settings.kalman_grid;
+        // Half a cell's diagonal: the hit may be anywhere in its cell.
+        let reach_m = kalman.reach * kalman.length_scale_m + geometry.cell_m;
+        let is_near_exclusion = settings.region.cells_near_exclusions(&geometry, reach_m);
+        let grid = KalmanGrid::new(geometry, kalman);
+        Self { settings, grid, base, is_near_exclusion, counts: HitCounts::default() }
     }
 
     /// Takes in a scan; `pose_at` gives the pose at a beam's own time.
@@ -114,8 +120,20 @@ impl Mapper {
         if !is_surface || !self.settings.region.accepts(p.x, p.y) {
             return BeamFate::Outside;
         }
-        self.grid.insert(&hit);
+        self.insert_hit(&hit);
         BeamFate::Used
+    }
+
+    fn insert_hit(&mut self, hit: &Hit) {
+        let place = (hit.place.coords.x, hit.place.coords.y);
+        let cell = self.grid.geometry().cell_at(place.0, place.1);
+        // Looking for walls in between costs more than the update, and most cells have none near.
+        if cell.is_some_and(|cell| self.is_near_exclusion[cell]) {
+            let region = &self.settings.region;
+            self.grid.insert(hit, |centre| !region.separates(place, centre));
+        } else {
+            self.grid.insert(hit, |_| true);
+        }
     }
 
     /// Where the beams went so far.

@@ -25,6 +25,25 @@ impl Rect {
             && y_m <= self.y_max_m + margin_m
     }
 
+    /// True if the straight line between two points (x, y) touches the rectangle.
+    ///
+    /// Source: the slab test of Kay and Kajiya 1986, in two dimensions.
+    #[must_use]
+    pub fn cuts(&self, a: (f64, f64), b: (f64, f64)) -> bool {
+        let slab = |a: f64, b: f64, low: f64, high: f64| {
+            let step = b - a;
+            if step == 0.0 {
+                let is_between = (low..=high).contains(&a);
+                return if is_between { (0.0, 1.0) } else { (1.0, 0.0) };
+            }
+            let (s, t) = ((low - a) / step, (high - a) / step);
+            (s.min(t).max(0.0), s.max(t).min(1.0))
+        };
+        let (x_in, x_out) = slab(a.0, b.0, self.x_min_m, self.x_max_m);
+        let (y_in, y_out) = slab(a.1, b.1, self.y_min_m, self.y_max_m);
+        x_in.max(y_in) <= x_out.min(y_out)
+    }
+
     /// Extent along x and y, m.
     #[must_use]
     pub fn size_m(&self) -> (f64, f64) {
@@ -72,6 +91,23 @@ impl Region {
     pub fn accepts(&self, x_m: f64, y_m: f64) -> bool {
         self.bounds.contains(x_m, y_m, 0.0)
             && !self.exclusions.iter().any(|e| e.contains(x_m, y_m, self.exclusion_margin_m))
+    }
+
+    /// True if an exclusion stands between two points (x, y): what lies on one side of a wall says
+    /// nothing about the other.
+    #[must_use]
+    pub fn separates(&self, a: (f64, f64), b: (f64, f64)) -> bool {
+        self.exclusions.iter().any(|exclusion| exclusion.cuts(a, b))
+    }
+
+    /// True for every cell whose centre is within `reach_m` of an exclusion.
+    #[must_use]
+    pub fn cells_near_exclusions(&self, grid: &GridGeometry, reach_m: f64) -> Vec<bool> {
+        let is_near = |index| {
+            let (x, y) = grid.centre_m(index);
+            self.exclusions.iter().any(|exclusion| exclusion.contains(x, y, reach_m))
+        };
+        (0..grid.n_cells()).map(is_near).collect()
     }
 
     /// The area of each cell that counts, m²: inside the region and outside the exclusions.
@@ -123,6 +159,17 @@ mod tests {
         let expected = 15.8 * 15.3 - 1.5 - 1.2 + 0.09;
         // Borders are known to half a sample, 4 mm, along 80 m.
         assert!((total - expected).abs() < 0.004 * 80.0, "{total} against {expected}");
+    }
+
+    #[test]
+    fn walls_separate_what_lies_on_their_sides() {
+        let wall = Rect { x_min_m: 3.0, y_min_m: 4.0, x_max_m: 3.3, y_max_m: 9.0 };
+        assert!(wall.cuts((2.5, 6.0), (3.8, 6.4)));
+        assert!(wall.cuts((2.5, 3.5), (3.5, 4.9)), "just inside the wall's end");
+        assert!(!wall.cuts((2.5, 3.0), (3.8, 3.9)), "past the wall's end");
+        assert!(!wall.cuts((2.5, 6.0), (2.9, 8.0)), "on one side");
+        assert!(wall.cuts((3.1, 2.0), (3.1, 5.0)), "along the wall");
+        assert!(!wall.cuts((2.9, 2.0), (2.9, 5.0)), "beside the wall");
     }
 
     #[test]

@@ -117,7 +117,7 @@ impl ChooseWaypoint {
                     range_m: range_m as f32,
                     intensity: 0,
                 };
-                belief.insert(&project(&self.lidar, &beam, &pose, fix_cov));
+                belief.insert(&project(&self.lidar, &beam, &pose, fix_cov), |_| true);
             }
             angle_rad += BEAM_SPACING_RAD;
         }
