@@ -4,23 +4,10 @@ use crate::support::{Flight, short_survey};
 use stockpilot::mission::Phase;
 use stockpilot::pilot::Action;
 use stockpilot_sim::campaign;
+use stockpilot_sim::report::RunReport;
 
-#[test]
-fn a_short_survey_lands_by_itself_and_is_complete() {
-    let report = campaign::run(&short_survey(3, 6), |_, _| {}).expect("a flight with an end");
-    assert!(report.complete, "{report:?}");
-    assert!(!report.collided, "{report:?}");
-    // Whole steps on every edge of the square wave can make a few more than asked for.
-    assert!((6..=8).contains(&report.steps), "{} steps", report.steps);
-    assert!(report.coverage > 0.02, "nothing was measured: {report:?}");
-    // Six steps see a corner of the hall only; the interval must say so.
-    assert!(report.sigma_m3 > 0.0 && report.sigma_m3.is_finite());
-    assert!(report.volume_m3.is_finite());
-    assert!(report.position_within_3_sigma > 0.95, "{}", report.position_within_3_sigma);
-}
-
-/// Numbers of the report, and every action in the order of the flight.
-fn flown(seed: u64) -> ([u64; 4], Vec<String>) {
+/// The report, and every action in the order of the flight.
+fn flown(seed: u64) -> (RunReport, Vec<String>) {
     let mut actions = Vec::new();
     let report = campaign::run(&short_survey(seed, 1), |at, action| {
         // Jobs and surfaces are long, and their volumes come in the reports.
@@ -29,24 +16,30 @@ fn flown(seed: u64) -> ([u64; 4], Vec<String>) {
         }
     })
     .expect("a flight with an end");
-    let numbers = [report.volume_m3, report.sigma_m3, report.path_length_m, report.sim_time_s];
-    (numbers.map(f64::to_bits), actions)
+    (report, actions)
 }
 
 #[test]
-fn same_seed_same_bits_and_another_seed_others() {
-    let (first, again, other) = std::thread::scope(|scope| {
-        let [first, again, other] = [11, 11, 12].map(|seed| scope.spawn(move || flown(seed)));
-        let joined =
-            |flight: std::thread::ScopedJoinHandle<'_, _>| flight.join().expect("no panic");
-        (joined(first), joined(again), joined(other))
+fn a_short_survey_lands_by_itself_complete_and_twice_with_the_same_bits() {
+    let ((report, actions), (again, actions_again)) = std::thread::scope(|scope| {
+        let flights = [11, 11].map(|seed| scope.spawn(move || flown(seed)));
+        let [first, second] = flights.map(|flight| flight.join().expect("no panic"));
+        (first, second)
     });
-    assert!(first.1.len() > 1_000, "only {} actions", first.1.len());
-    assert_eq!(first.0, again.0);
-    let parting = std::iter::zip(&first.1, &again.1).find(|(a, b)| a != b);
+    assert!(report.complete && !report.collided, "{report:?}");
+    // At least one step on each of the seven edges of the square wave, and its start.
+    assert_eq!(report.steps, 8);
+    assert!(report.coverage > 0.3, "too little was measured: {report:?}");
+    assert!(report.position_within_3_sigma > 0.95, "{}", report.position_within_3_sigma);
+
+    assert!(actions.len() > 1_000, "only {} actions", actions.len());
+    let parting = std::iter::zip(&actions, &actions_again).find(|(a, b)| a != b);
     assert!(parting.is_none(), "{parting:?}");
-    assert_eq!(first.1.len(), again.1.len());
-    assert_ne!(first.0, other.0);
+    assert_eq!(actions.len(), actions_again.len());
+    let bits = |r: &RunReport| {
+        [r.volume_m3, r.sigma_m3, r.path_length_m, r.sim_time_s, r.coverage].map(f64::to_bits)
+    };
+    assert_eq!(bits(&report), bits(&again));
 }
 
 #[test]
