@@ -1,6 +1,5 @@
 //! One choice of a waypoint, and one piece of trajectory.
 
-#![expect(missing_docs, reason = "criterion's macros make undocumented functions")]
 #![expect(clippy::expect_used, reason = "a bench stops where its premise fails")]
 
 use criterion::{Criterion, criterion_group, criterion_main};

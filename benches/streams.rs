@@ -1,6 +1,5 @@
 //! Bytes of the LiDAR in, records of the log out.
 
-#![expect(missing_docs, reason = "criterion's macros make undocumented functions")]
 #![expect(clippy::expect_used, reason = "a bench stops where its premise fails")]
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
