@@ -62,7 +62,7 @@ impl Motion {
         Transform::new(Rotation::from_euler_rad(roll, pitch, yaw), Point::new(x, y, z))
     }
 
-    /// Specific force in body axes: Rᵀ (a + g e_z).
+    /// Specific force in body axes: `Rᵀ (a + g e_z)`.
     fn force_mps2(&self, t: f64) -> Vector3<f64> {
         let accel = Vector3::from(self.position.map(|sine| sine.second(t)));
         let felt = accel + Vector3::z() * GRAVITY_MPS2;

@@ -125,10 +125,9 @@ fn outcome(seed: u64, fixes: &[(Stamp<Mono>, FixOutcome)]) -> (FilterState, usiz
     let mut ring = ring_of_a_second(seed);
     let mut n_fused = 0;
     for (at, fix) in fixes {
-        match ring.insert_fix(*at, fix.clone()) {
-            Insertion::Placed(innovation) => n_fused += usize::from(innovation.is_within_gate()),
-            refused => panic!("{refused:?}"),
-        }
+        let insertion = ring.insert_fix(*at, fix.clone());
+        let Insertion::Placed(innovation) = insertion else { unreachable!("{insertion:?}") };
+        n_fused += usize::from(innovation.is_within_gate());
     }
     (ring.newest().clone(), n_fused)
 }
