@@ -11,6 +11,7 @@
 //! ```
 
 mod event;
+mod intake;
 mod job;
 mod route;
 
@@ -20,8 +21,8 @@ pub use job::{Job, JobOutput};
 use crate::localization::{self, Health, Localizer};
 use crate::mapping::{self, Mapper, SolvedSurface};
 use crate::messages::{
-    BatterySample, OperatorAnswer, OperatorCommand, Scan, Severity, StatusText, VehicleState,
-    VolumeEstimate,
+    BatterySample, NavEstimate, OperatorAnswer, OperatorCommand, Scan, Severity, StatusText,
+    VehicleState, VolumeEstimate,
 };
 use crate::mission::{self, Effect, Inputs, Mission, Phase};
 use crate::planning;
@@ -142,16 +143,22 @@ impl Pilot {
         match event {
             Event::Ticked(now) => self.on_tick(now, actions),
             Event::Imu(imu) => {
-                self.localizer.on_imu(imu);
-                self.map_waiting_scans();
+                if intake::believes_imu(&imu, self.now) {
+                    self.localizer.on_imu(imu);
+                    self.map_waiting_scans();
+                }
             }
             Event::Scanned(scan) => {
+                if !intake::believes_scan(&scan, self.now) {
+                    return;
+                }
                 self.last_beam_at = self.last_beam_at.max(Some(scan.end()));
                 self.waiting_scans.push_back(scan);
                 self.map_waiting_scans();
             }
             Event::TagsSeen(frame) => {
-                let record = self.localizer.on_tags(&frame);
+                let refusal = intake::refusal_of_frame(&frame, self.now);
+                let record = refusal.unwrap_or_else(|| self.localizer.on_tags(&frame));
                 actions.push(Action::FixTreated(Box::new(record)));
             }
             Event::Vehicle(vehicle) => {
@@ -238,7 +245,7 @@ impl Pilot {
             now: self.now,
             vehicle: self.vehicle,
             is_autopilot_lost: self.is_autopilot_lost,
-            has_position: self.localizer.health(self.now) == Health::Good,
+            has_position: self.trusted_estimate().is_some(),
             has_lidar: self.last_beam_at.is_some_and(|at| self.now.since(at) < LIDAR_SILENT_AFTER),
             battery_ratio: self.battery.map(|battery| battery.remaining_ratio),
             has_plan: self.route.has_plan(),
@@ -329,12 +336,15 @@ impl Pilot {
     }
 
     fn publish_odometry(&self, actions: &mut Vec<Action>) {
-        if self.localizer.health(self.now) != Health::Good {
-            return;
-        }
-        if let Some(estimate) = self.localizer.estimate() {
+        if let Some(estimate) = self.trusted_estimate() {
             actions.push(Action::PublishOdometry(Box::new(estimate)));
         }
+    }
+
+    /// The belief, if it can be flown on.
+    fn trusted_estimate(&self) -> Option<NavEstimate> {
+        let is_good = self.localizer.health(self.now) == Health::Good;
+        self.localizer.estimate().filter(|estimate| is_good && estimate.is_finite())
     }
 
     /// Maps the scans whose poses are known, and those for which no pose will come.

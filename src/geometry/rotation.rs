@@ -33,10 +33,14 @@ impl<To: Frame, From: Frame> Rotation<To, From> {
 
     /// The rotation whose columns are the axes of `From` in `To`.
     ///
-    /// The nearest rotation is taken, so rounding in the matrix does no harm.
+    /// The nearest rotation is taken, so rounding in the matrix does no harm. A matrix far from
+    /// any rotation gives some rotation, in bounded time.
     #[must_use]
     pub fn from_matrix(matrix: &Matrix3<f64>) -> Self {
-        Self::from_quaternion(UnitQuaternion::from_matrix(matrix))
+        const MAX_ITERATIONS: usize = 100;
+        let guess = UnitQuaternion::identity();
+        let nearest = UnitQuaternion::from_matrix_eps(matrix, f64::EPSILON, MAX_ITERATIONS, guess);
+        Self::from_quaternion(nearest)
     }
 
     /// The rotation with quaternion (w, x, y, z); `None` if it is not finite or has no length.

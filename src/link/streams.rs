@@ -6,7 +6,7 @@ use crate::time::{Mono, Stamp};
 use mavlink::MessageData;
 use mavlink::dialects::ardupilotmega::{
     ATTITUDE_QUATERNION_DATA, BATTERY_STATUS_DATA, COMMAND_LONG_DATA, EXTENDED_SYS_STATE_DATA,
-    HIGHRES_IMU_DATA, LOCAL_POSITION_NED_DATA, MavCmd, MavMessage,
+    HEARTBEAT_DATA, HIGHRES_IMU_DATA, LOCAL_POSITION_NED_DATA, MavCmd, MavMessage,
 };
 use std::time::Duration;
 
@@ -15,6 +15,9 @@ const WATCH_WINDOW: Duration = Duration::from_secs(2);
 /// A stream slower than this share of what was asked for is asked for again. PX4 delivers its
 /// inertial samples at 160 to 182 Hz when 200 are asked for.
 const ENOUGH_RATIO: f64 = 0.5;
+/// The mode comes with the heartbeat: at the usual 1 Hz, setpoints would outlive the pilot's mode
+/// switch by up to a second.
+const MODE_RATE_HZ: f64 = 30.0;
 
 /// The streams and how they flow.
 #[derive(Debug)]
@@ -37,6 +40,7 @@ impl Streams {
             stream(HIGHRES_IMU_DATA::ID, settings.imu_rate_hz),
             stream(LOCAL_POSITION_NED_DATA::ID, settings.autopilot_pose_rate_hz),
             stream(ATTITUDE_QUATERNION_DATA::ID, settings.autopilot_pose_rate_hz),
+            stream(HEARTBEAT_DATA::ID, MODE_RATE_HZ),
             stream(EXTENDED_SYS_STATE_DATA::ID, 5.0),
             stream(BATTERY_STATUS_DATA::ID, 1.0),
         ];

@@ -122,7 +122,8 @@ impl FilterState {
         let dr = fix.hall_from_body.rotation.minus(&self.hall_from_body.rotation);
         let pose = Vector6::new(dp.x, dp.y, dp.z, dr.x, dr.y, dr.z);
         let S = self.P.fixed_view::<6, 6>(0, 0) + fix.pose_cov;
-        let nis = S.cholesky().map_or(f64::INFINITY, |c| pose.dot(&c.solve(&pose)));
+        // Without a factor nothing can be said of the fix: outside of every gate, yet a number.
+        let nis = S.cholesky().map_or(f64::MAX, |c| pose.dot(&c.solve(&pose)));
         Innovation { pose, nis, nis_gate: chi2_gate_99(6) }
     }
 

@@ -9,7 +9,7 @@
 
 use crate::geometry::{Camera, Hall, Point, Rotation, Transform};
 use nalgebra::{
-    Isometry3, Matrix3, SMatrix, SVector, Translation3, UnitQuaternion, Vector2, Vector3,
+    Isometry3, Matrix3, Rotation3, SMatrix, SVector, Translation3, UnitQuaternion, Vector2, Vector3,
 };
 
 /// Both poses of the hall in the camera that explain one tag; empty for degenerate input.
@@ -41,7 +41,7 @@ fn hall_from_tag(corners: &[Point<Hall>; 4]) -> Option<Isometry3<f64>> {
     let out = right.cross(&(corners[3] - corners[0]).coords).try_normalize(1e-6)?;
     let axes = Matrix3::from_columns(&[right, out.cross(&right), out]);
     let middle = corners.iter().map(|c| c.coords).sum::<Vector3<f64>>() / 4.0;
-    Some(Isometry3::from_parts(Translation3::from(middle), UnitQuaternion::from_matrix(&axes)))
+    Some(Isometry3::from_parts(Translation3::from(middle), rotation_of(&axes)))
 }
 
 /// The pose of a square of known size from the homography of its plane to the image.
@@ -53,9 +53,22 @@ fn camera_from_tag(half_edge_m: f64, directions: &[Vector2<f64>; 4]) -> Option<I
     let scale = if h3.z < 0.0 { -scale } else { scale };
     let (r1, r2, t): (Vector3<f64>, Vector3<f64>, Vector3<f64>) =
         ((h1 * scale), (h2 * scale), (h3 * scale));
-    let rotation = Matrix3::from_columns(&[r1, r2, r1.cross(&r2)]);
-    let pose = Isometry3::from_parts(Translation3::from(t), UnitQuaternion::from_matrix(&rotation));
-    pose.translation.vector.iter().all(|c| c.is_finite()).then_some(pose)
+    let pose = Isometry3::from_parts(Translation3::from(t), rotation_near(&r1, &r2)?);
+    let mut numbers = pose.translation.vector.iter().chain(pose.rotation.coords.iter());
+    numbers.all(|c| c.is_finite()).then_some(pose)
+}
+
+/// The rotation with its x axis along `r1` and its y axis in the half plane of `r2`.
+///
+/// In closed form: iterations to the nearest rotation need not end on corners that no lens makes.
+fn rotation_near(r1: &Vector3<f64>, r2: &Vector3<f64>) -> Option<UnitQuaternion<f64>> {
+    let x = r1.try_normalize(1e-12)?;
+    let z = x.cross(r2).try_normalize(1e-12)?;
+    Some(rotation_of(&Matrix3::from_columns(&[x, z.cross(&x), z])))
+}
+
+fn rotation_of(axes: &Matrix3<f64>) -> UnitQuaternion<f64> {
+    UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(*axes))
 }
 
 /// H with (X/Z, Y/Z, 1) ~ H (x, y, 1) on the tag's plane, fixed by h₃₃ = 1.
@@ -113,6 +126,23 @@ mod tests {
             .fold(f64::INFINITY, f64::min);
         assert_eq!(candidates.len(), 2);
         assert!(best < 1e-6, "missed by {best} m");
+    }
+
+    #[test]
+    fn corners_that_no_lens_makes_end_the_search() {
+        let corners = [
+            Point::<Hall>::new(8.0, 1.0, 2.0),
+            Point::new(8.0, 0.5, 2.0),
+            Point::new(8.0, 0.5, 2.5),
+            Point::new(8.0, 1.0, 2.5),
+        ];
+        for scale in [1e-200, 1e-8, 1e8, 1e100, 1e300] {
+            let directions = [(1.0, -3.0), (-2.0, 0.5), (0.3, 0.2), (-5.0, 4.0)]
+                .map(|(u, v)| Vector2::new(u * scale, v));
+            for pose in camera_from_hall_candidates(&corners, &directions) {
+                assert!(pose.origin.is_finite(), "{pose:?}");
+            }
+        }
     }
 
     #[test]

@@ -80,7 +80,7 @@ impl Ring {
         }
     }
 
-    /// Puts a fix at its own time; fuses it if it passes the gate.
+    /// Puts a fix at its own time; fuses it as long as it passes the gate.
     pub fn insert_fix(&mut self, at: Stamp<Mono>, fix: FixOutcome) -> Insertion {
         if at < self.oldest_at() {
             return Insertion::TooOld;
@@ -92,10 +92,10 @@ impl Ring {
         let imu = self.imu_in_force(place);
         let mut state = self.entries[place - 1].state.propagated(&imu, at, &self.noise);
         let innovation = state.innovation(&fix);
-        if !innovation.is_within_gate() {
-            return Insertion::Placed(innovation);
+        if innovation.is_within_gate() {
+            state.fuse(&fix, &innovation);
         }
-        state.fuse(&fix, &innovation);
+        // A refused fix stays too: another that arrives later may lie before it and speak for it.
         self.entries.insert(place, Entry { input: Input::Fix(Box::new(fix)), state });
         self.recompute_from(place + 1);
         Insertion::Placed(innovation)

@@ -44,6 +44,17 @@ pub struct NavEstimate {
 }
 
 impl NavEstimate {
+    /// True if no field is NaN or infinite.
+    #[must_use]
+    pub fn is_finite(&self) -> bool {
+        let vectors = [&self.gyro_radps, &self.gyro_bias_radps, &self.accel_bias_mps2];
+        self.hall_from_body.origin.is_finite()
+            && self.hall_from_body.rotation.quaternion().coords.iter().all(|c| c.is_finite())
+            && self.velocity_mps.is_finite()
+            && vectors.into_iter().flatten().all(|c| c.is_finite())
+            && self.error_cov.iter().all(|c| c.is_finite())
+    }
+
     /// Covariance of the pose error: position in hall axes (m), attitude in body axes (rad), 6×6.
     #[must_use]
     pub fn pose_cov(&self) -> Matrix6<f64> {

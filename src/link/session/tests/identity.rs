@@ -79,8 +79,9 @@ fn streams_that_stay_away_are_asked_for_again() {
         scene.sent().into_iter().filter_map(interval).collect()
     };
     // HIGHRES_IMU at 200 Hz, LOCAL_POSITION_NED and ATTITUDE_QUATERNION at 10 Hz,
-    // EXTENDED_SYS_STATE at 5 Hz, BATTERY_STATUS at 1 Hz.
-    let all = [(105, 5_000), (32, 100_000), (31, 100_000), (245, 200_000), (147, 1_000_000)];
+    // HEARTBEAT at 30 Hz for the mode, EXTENDED_SYS_STATE at 5 Hz, BATTERY_STATUS at 1 Hz.
+    let all =
+        [(105, 5_000), (32, 100_000), (31, 100_000), (0, 33_333), (245, 200_000), (147, 1_000_000)];
     assert_eq!(asked(&mut scene), all);
     // Inertial samples flow at 160 Hz, the rest does not.
     for step in 1..=320_i64 {

@@ -104,7 +104,7 @@ fn a_reboot_of_the_autopilot_starts_clock_and_streams_anew() {
     assert_eq!(scene.session.stats().autopilot_reboots, 1);
     let requests_before = scene.session.stats().stream_requests;
     scene.sync(1_200, shift_ns);
-    assert_eq!(scene.session.stats().stream_requests, requests_before + 5);
+    assert_eq!(scene.session.stats().stream_requests, requests_before + 6);
     let mut sample = highres_imu(at_ms(2_200));
     sample.time_usec -= 30_000_000;
     scene.hears(AUTOPILOT, MavMessage::HIGHRES_IMU(sample), 2_202);

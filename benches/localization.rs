@@ -1,0 +1,135 @@
+//! One inertial sample, one late fix, one frame of tags.
+
+#![expect(clippy::expect_used, reason = "a bench stops where its premise fails")]
+
+use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
+use nalgebra::{Matrix6, Vector3};
+use std::hint::black_box;
+use std::time::Duration;
+use stockpilot::geometry::{Body, Camera, Hall, Point, Rotation, Transform};
+use stockpilot::localization::camera_model::CameraModel;
+use stockpilot::localization::filter::{Covariance, FilterState, ImuNoise};
+use stockpilot::localization::ring::{Insertion, Ring};
+use stockpilot::localization::vision_fix::{PointFeature, Settings, solve};
+use stockpilot::messages::{FixOutcome, ImuSample};
+use stockpilot::time::{Mono, Stamp};
+
+const STEP_NS: i64 = 5_000_000;
+
+fn at(step: i64) -> Stamp<Mono> {
+    Stamp::from_nanos(step * STEP_NS)
+}
+
+fn state() -> FilterState {
+    FilterState {
+        at: at(0),
+        hall_from_body: Transform::new(
+            Rotation::from_euler_rad(0.05, -0.02, 0.3),
+            Point::new(2.0, 1.0, 3.0),
+        ),
+        velocity_mps: Vector3::new(1.0, 0.2, 0.0),
+        gyro_bias_radps: Vector3::zeros(),
+        accel_bias_mps2: Vector3::zeros(),
+        P: Covariance::identity() * 0.01,
+    }
+}
+
+fn imu(step: i64) -> ImuSample {
+    ImuSample {
+        at: at(step),
+        accel_mps2: Vector3::new(0.3, -0.1, 9.8),
+        gyro_radps: Vector3::new(0.02, 0.1, -0.05),
+    }
+}
+
+/// One second of samples at 200 Hz.
+fn ring() -> Ring {
+    let mut ring = Ring::new(state(), imu(0), ImuNoise::default(), Duration::from_secs(1));
+    (1..=200).for_each(|step| ring.push_imu(imu(step)));
+    ring
+}
+
+fn propagation(c: &mut Criterion) {
+    let (start, sample, noise) = (state(), imu(1), ImuNoise::default());
+    let next = start.propagated(&sample, sample.at, &noise);
+    assert!(next.P.trace() > start.P.trace() && next.at == at(1));
+    c.bench_function("imu_propagation", |b| {
+        b.iter(|| black_box(&start).propagated(black_box(&sample), sample.at, &noise));
+    });
+}
+
+fn late_fix(c: &mut Criterion) {
+    let full = ring();
+    let exposed = at(180);
+    let fix = FixOutcome {
+        hall_from_body: full.state_at(exposed).expect("inside").hall_from_body,
+        pose_cov: Matrix6::from_diagonal_element(1e-4),
+        residual_rms_px: 0.3,
+        q_pos: 40.0,
+    };
+    let mut once = full.clone();
+    let inserted = once.insert_fix(exposed, fix.clone());
+    assert!(matches!(inserted, Insertion::Placed(i) if i.is_within_gate()));
+    assert!(once.newest().P.trace() < full.newest().P.trace());
+    c.bench_function("fix_100_ms_late", |b| {
+        b.iter_batched_ref(
+            || {
+                // In flight the ring has room; a bare clone would pay for growing here.
+                let mut ring = full.clone();
+                ring.push_imu(imu(201));
+                (ring, fix.clone())
+            },
+            |(ring, fix)| ring.insert_fix(exposed, fix.clone()),
+            BatchSize::SmallInput,
+        );
+    });
+}
+
+fn camera() -> CameraModel {
+    let quarter = std::f64::consts::FRAC_PI_2;
+    CameraModel {
+        width_px: 1280,
+        height_px: 800,
+        fx_px: 640.0,
+        fy_px: 640.0,
+        cx_px: 640.0,
+        cy_px: 400.0,
+        radial: [-0.1, 0.01],
+        tangential: [0.0005, -0.0003],
+        body_from_camera: Transform::new(
+            Rotation::<Body, Camera>::from_euler_rad(-quarter, 0.0, -quarter),
+            Point::new(0.1, 0.0, 0.02),
+        ),
+    }
+}
+
+/// The corners of ten tags of half a metre, 8 m ahead.
+fn ten_tags(camera: &CameraModel, pose: &Transform<Hall, Body>) -> Vec<PointFeature> {
+    let camera_from_hall = (*pose * camera.body_from_camera).inverse();
+    let mut seen = Vec::new();
+    for k in 0..10_u32 {
+        let (y, z) = (f64::from(k % 5) * 1.5 - 2.0, 2.0 + f64::from(k / 5) * 1.5);
+        for (dy, dz) in [(0.0, 0.0), (-0.5, 0.0), (-0.5, 0.5), (0.0, 0.5)] {
+            let place = Point::new(10.0, y + dy, z + dz);
+            let (pixel, _) = camera.project(&(camera_from_hall * place)).expect("in view");
+            seen.push(PointFeature { place, pixel });
+        }
+    }
+    seen
+}
+
+fn vision_fix(c: &mut Criterion) {
+    let (camera, truth, settings) = (camera(), state().hall_from_body, Settings::default());
+    let features = ten_tags(&camera, &truth);
+    let near = truth.perturbed(&Vector3::new(0.05, -0.03, 0.02), &Vector3::new(0.01, 0.0, -0.02));
+    for (name, prior) in [("fix_10_tags_warm", Some(&near)), ("fix_10_tags_cold", None)] {
+        let fix = solve(&camera, &features, prior, &settings).expect("a fix");
+        assert!((fix.hall_from_body.origin - truth.origin).coords.norm() < 1e-6);
+        c.bench_function(name, |b| {
+            b.iter(|| solve(&camera, black_box(&features), prior, &settings));
+        });
+    }
+}
+
+criterion_group!(benches, propagation, late_fix, vision_fix);
+criterion_main!(benches);

@@ -1,0 +1,128 @@
+//! Beams into cells, and cells into a surface.
+
+#![expect(clippy::expect_used, reason = "a bench stops where its premise fails")]
+
+use criterion::{BatchSize, BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use nalgebra::Matrix6;
+use std::hint::black_box;
+use stockpilot::geometry::{Body, Hall, Point, Rotation, Transform};
+use stockpilot::mapping::kalman_grid::{self, KalmanGrid};
+use stockpilot::mapping::projection::LidarMount;
+use stockpilot::mapping::region::{Rect, Region};
+use stockpilot::mapping::sparse_gp::{Cut, Posterior, Settings, Smoothness};
+use stockpilot::mapping::{self, Mapper, VolumeVariance};
+use stockpilot::messages::{Beam, GridGeometry, Scan};
+use stockpilot::time::Stamp;
+
+const GP: Settings = Settings {
+    smoothness: Smoothness::ThreeHalves,
+    length_scale_m: 0.5,
+    reach: 1.5,
+    sigma_m: 1.0,
+    mean_m: 1.5,
+    cut: Cut::Taper,
+};
+
+fn mapper() -> Mapper {
+    let bounds = Rect { x_min_m: 0.0, y_min_m: 0.0, x_max_m: 20.0, y_max_m: 20.0 };
+    Mapper::new(mapping::Settings {
+        region: Region { bounds, exclusions: Vec::new(), exclusion_margin_m: 0.1 },
+        cell_m: 0.25,
+        base_height_m: 0.0,
+        below_base_m: 0.5,
+        max_height_m: 5.0,
+        lidar: LidarMount {
+            body_from_lidar: Transform::new(
+                Rotation::from_euler_rad(0.0, std::f64::consts::FRAC_PI_2, 0.0),
+                Point::origin(),
+            ),
+            range_sigma_m: 0.012,
+            angle_sigma_rad: 0.002,
+            min_range_m: 0.15,
+            max_range_m: 12.0,
+            blind_sectors_rad: Vec::new(),
+        },
+        kalman_grid: kalman_grid::Settings::default(),
+        gp: GP,
+        volume_variance: VolumeVariance::Full,
+        max_position_sigma_m: 0.3,
+    })
+}
+
+/// 450 beams within 50° of straight down from 7 m, every one on the floor.
+#[expect(clippy::cast_possible_truncation, reason = "beams are single precision")]
+fn scan() -> Scan {
+    let beam = |k: u32| {
+        let angle_rad = (f64::from(k) / 449.0 - 0.5) * 1.7;
+        let range_m = 6.9 / angle_rad.cos();
+        Beam {
+            offset_ns: k * 200_000,
+            angle_rad: angle_rad as f32,
+            range_m: range_m as f32,
+            intensity: 200,
+        }
+    };
+    Scan { start: Stamp::ZERO, beams: (0..450).map(beam).collect() }
+}
+
+fn beams(c: &mut Criterion) {
+    let (scan, fresh) = (scan(), mapper());
+    let pose = Transform::<Hall, Body>::new(
+        Rotation::from_euler_rad(0.02, -0.03, 0.4),
+        Point::new(10.0, 10.0, 7.0),
+    );
+    let pose_at = |_| Some((pose, Matrix6::from_diagonal_element(4e-4)));
+    let mut once = fresh.clone();
+    once.insert(&scan, pose_at);
+    assert_eq!(once.counts().used, 450);
+    let mut group = c.benchmark_group("mapper");
+    group.throughput(Throughput::Elements(450));
+    group.bench_function("insert_450_beams", |b| {
+        b.iter_batched_ref(
+            || fresh.clone(),
+            |mapper| mapper.insert(black_box(&scan), pose_at),
+            BatchSize::LargeInput,
+        );
+    });
+    group.finish();
+}
+
+/// A square grid whose cells know their height in stripes.
+fn cells(n: usize) -> (GridGeometry, Vec<f64>, Vec<f64>) {
+    let geometry = GridGeometry { x_min_m: 0.0, y_min_m: 0.0, cell_m: 0.25, n_cols: n, n_rows: n };
+    let grid = KalmanGrid::new(geometry, kalman_grid::Settings::default());
+    let var_m2 = grid
+        .var_m2()
+        .iter()
+        .enumerate()
+        .map(|(k, prior)| if k / n % 20 < 10 { 0.01 } else { *prior })
+        .collect();
+    (geometry, grid.mean_m().to_vec(), var_m2)
+}
+
+fn surface(c: &mut Criterion) {
+    let mut group = c.benchmark_group("sparse_gp");
+    group.sample_size(10);
+    for n in [80, 160] {
+        let (geometry, mean_m, var_m2) = cells(n);
+        let areas_m2 = vec![geometry.cell_area_m2(); geometry.n_cells()];
+        let solve = || Posterior::new(&geometry, &mean_m, &var_m2, &GP).expect("positive definite");
+        let variance = solve().sum_var(&areas_m2);
+        let prior: f64 = areas_m2.iter().map(|area| area * GP.sigma_m).sum();
+        assert!(variance > 0.0 && variance < prior * prior);
+        assert!(solve().marginal_var_m2().iter().all(|var| *var <= GP.sigma_m.powi(2) + 1e-9));
+        group.bench_function(BenchmarkId::new("sum_only", n), |b| {
+            b.iter(|| solve().sum_var(black_box(&areas_m2)));
+        });
+        group.bench_function(BenchmarkId::new("with_marginals", n), |b| {
+            b.iter(|| {
+                let posterior = solve();
+                (posterior.sum_var(black_box(&areas_m2)), posterior.marginal_var_m2())
+            });
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(benches, beams, surface);
+criterion_main!(benches);

@@ -1,0 +1,7 @@
+//! Whole flights in virtual time: brain, MAVLink session, stub autopilot and simulated hall.
+
+#![expect(clippy::expect_used, reason = "a helper of tests stops where its premise fails")]
+
+mod faults;
+mod support;
+mod survey;

@@ -1,0 +1,99 @@
+//! Which samples the brain believes at all.
+//!
+//! The edges refuse what is not finite; here goes what no sensor can mean. A stamp far in the
+//! future would put the filter there, where it refuses everything that follows; a force that no
+//! accelerometer can show would fill it with infinities.
+
+use crate::messages::{FixRecord, ImuSample, Scan, TagDetections, Verdict};
+use crate::stats::chi2_gate_99;
+use crate::time::{Mono, Stamp};
+use std::time::Duration;
+
+/// Samples may be this much newer than the last tick: the brain can fall behind, clocks differ.
+const MAX_AHEAD: Duration = Duration::from_secs(1);
+/// Older inertial samples and frames lie before everything that the filter remembers.
+const MAX_AGE: Duration = Duration::from_secs(5);
+/// Twice the widest range of the usual accelerometers, ±16 g, m/s².
+const MAX_FORCE_MPS2: f64 = 320.0;
+/// Twice the widest range of the usual gyroscopes, ±2000 °/s, rad/s.
+const MAX_RATE_RADPS: f64 = 70.0;
+
+/// True if an inertial sample can be one.
+pub(super) fn believes_imu(imu: &ImuSample, now: Stamp<Mono>) -> bool {
+    is_near(imu.at, now).is_ok()
+        && imu.accel_mps2.amax() <= MAX_FORCE_MPS2
+        && imu.gyro_radps.amax() <= MAX_RATE_RADPS
+}
+
+/// True if a scan was not measured in the future.
+pub(super) fn believes_scan(scan: &Scan, now: Stamp<Mono>) -> bool {
+    scan.end() <= now.plus(MAX_AHEAD)
+}
+
+/// The record of a frame that the filter must not see, if it must not.
+pub(super) fn refusal_of_frame(frame: &TagDetections, now: Stamp<Mono>) -> Option<FixRecord> {
+    let at = frame.captured_at;
+    let verdict = is_near(at, now).err()?;
+    Some(FixRecord {
+        at,
+        age_s: frame.received_at.seconds_since(at),
+        n_tags: frame.tags.len(),
+        n_tags_used: 0,
+        fix: None,
+        innovation: None,
+        nis: None,
+        nis_gate: chi2_gate_99(6),
+        verdict,
+    })
+}
+
+fn is_near(at: Stamp<Mono>, now: Stamp<Mono>) -> Result<(), Verdict> {
+    if at > now.plus(MAX_AHEAD) {
+        Err(Verdict::FromTheFuture)
+    } else if at < now.minus(MAX_AGE) {
+        Err(Verdict::TooOld)
+    } else {
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Vector3;
+
+    fn at_s(seconds: i64) -> Stamp<Mono> {
+        Stamp::from_nanos(seconds * 1_000_000_000)
+    }
+
+    fn imu(at: Stamp<Mono>, force_mps2: f64) -> ImuSample {
+        ImuSample { at, accel_mps2: Vector3::z() * force_mps2, gyro_radps: Vector3::zeros() }
+    }
+
+    #[test]
+    fn samples_from_far_away_in_time_or_scale_are_refused() {
+        let now = at_s(100);
+        assert!(believes_imu(&imu(now, 9.8), now));
+        // A hard landing at 16 g is real.
+        assert!(believes_imu(&imu(now, 157.0), now));
+        assert!(!believes_imu(&imu(now, 1e6), now));
+        assert!(!believes_imu(&imu(now, f64::NAN), now));
+        assert!(!believes_imu(&imu(at_s(102), 9.8), now));
+        assert!(!believes_imu(&imu(at_s(94), 9.8), now));
+        assert!(!believes_scan(&Scan { start: at_s(200), beams: Vec::new() }, now));
+    }
+
+    #[test]
+    fn a_refused_frame_leaves_a_record() {
+        let frame = |captured_at| TagDetections {
+            captured_at,
+            received_at: at_s(100),
+            camera: crate::messages::CameraId(0),
+            tags: Vec::new(),
+        };
+        let verdict = |at| refusal_of_frame(&frame(at), at_s(100)).map(|record| record.verdict);
+        assert_eq!(verdict(at_s(3_000)), Some(Verdict::FromTheFuture));
+        assert_eq!(verdict(at_s(10)), Some(Verdict::TooOld));
+        assert_eq!(verdict(at_s(99)), None);
+    }
+}

@@ -1,0 +1,50 @@
+//! The table of ranks.
+
+use std::ops::RangeInclusive;
+
+/// Modules of `stockpilot` with their ranks; a module names lower ranks only.
+const RANKS: [(&str, u8); 18] = [
+    ("units", 0),
+    ("time", 0),
+    ("geometry", 1),
+    ("stats", 1),
+    ("messages", 2),
+    ("localization", 3),
+    ("mapping", 3),
+    ("planning", 4),
+    ("mission", 5),
+    ("pilot", 6),
+    ("link", 7),
+    ("lidar", 7),
+    ("camera", 7),
+    ("record", 7),
+    ("web", 7),
+    ("report", 7),
+    // The file twins of the settings of rank 7 are converted there.
+    ("config", 8),
+    ("service", 9),
+];
+
+/// Ranks that do no I/O.
+pub(crate) const CORE_RANKS: RangeInclusive<u8> = 0..=6;
+
+/// What ranks without I/O never name.
+pub(crate) const FORBIDDEN_IN_CORE: [&str; 9] = [
+    "tokio",
+    "serde",
+    "tracing",
+    "std::fs",
+    "std::net",
+    "std::thread",
+    "std::env",
+    "std::time::Instant",
+    "std::time::SystemTime",
+];
+
+/// Modules of the simulator that make the truth.
+pub(crate) const TRUTH_MODULES: [&str; 8] =
+    ["world", "raycast", "vehicle", "autopilot", "lidar", "camera", "rig", "judge"];
+
+pub(crate) fn rank_of(module: &str) -> Option<u8> {
+    RANKS.iter().find(|(name, _)| *name == module).map(|(_, rank)| *rank)
+}

@@ -1,0 +1,6 @@
+//! The filter's covariance is honest: over many runs the normalised errors lie inside their bands.
+
+#![expect(clippy::expect_used, reason = "a helper of tests stops where its premise fails")]
+
+mod nees;
+mod truth;

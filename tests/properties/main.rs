@@ -1,0 +1,10 @@
+//! Laws that hold for every input, tried on many drawn ones.
+
+#![expect(clippy::expect_used, reason = "a helper of tests stops where its premise fails")]
+
+mod brain;
+mod filter;
+mod geometry;
+mod support;
+mod surface;
+mod trajectories;
