@@ -44,6 +44,7 @@ fn mapper() -> Mapper {
         },
         kalman_grid: kalman_grid::Settings::default(),
         gp: GP,
+        estimates_prior_height: true,
         volume_variance: VolumeVariance::Full,
         max_position_sigma_m: 0.3,
     })

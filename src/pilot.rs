@@ -150,6 +150,7 @@ impl Pilot {
             }
             Event::Scanned(scan) => {
                 if !intake::believes_scan(&scan, self.now) {
+                    self.mapper.refuse(&scan);
                     return;
                 }
                 self.last_beam_at = self.last_beam_at.max(Some(scan.end()));

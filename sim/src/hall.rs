@@ -75,9 +75,29 @@ fn hall(world: &World) -> HallSection {
         region: rect(&world.region),
         base_height_m: 0.0,
         max_pile_height_m: MAX_PILE_HEIGHT_M,
-        exclusions: world.walls_inside.iter().map(|wall| rect(&wall.footprint())).collect(),
+        exclusions: world
+            .walls_inside
+            .iter()
+            .map(|wall| rect(&up_to_the_border(&wall.footprint(), &world.region)))
+            .collect(),
         exclusion_margin_m: 0.12,
     }
+}
+
+/// A strip narrower than this between a wall and the region's border belongs to no bay, m.
+const DEAD_STRIP_M: f64 = 0.5;
+
+/// The footprint of a wall with the dead strip behind it: no material lies there, and no beam over
+/// the wall reaches it.
+fn up_to_the_border(wall: &Region, region: &Region) -> Region {
+    let low = |wall: f64, border: f64| if wall - border < DEAD_STRIP_M { border } else { wall };
+    let high = |wall: f64, border: f64| if border - wall < DEAD_STRIP_M { border } else { wall };
+    Region::new(
+        low(wall.x_min_m, region.x_min_m),
+        low(wall.y_min_m, region.y_min_m),
+        high(wall.x_max_m, region.x_max_m),
+        high(wall.y_max_m, region.y_max_m),
+    )
 }
 
 fn lidar(name: &str, model: &LidarModel, port: String) -> LidarSection {

@@ -95,6 +95,13 @@ impl Mapper {
         }
     }
 
+    /// Counts a scan that cannot be placed in time.
+    pub fn refuse(&mut self, scan: &Scan) {
+        let n_beams = scan.beams.len() as u64;
+        self.counts.received += n_beams;
+        self.counts.no_pose += n_beams;
+    }
+
     fn insert_beam(
         &mut self,
         beam: &Beam,

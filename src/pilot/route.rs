@@ -26,7 +26,9 @@ pub(super) struct Route {
     steps_decided: usize,
     /// The planner found nothing more.
     is_exhausted: bool,
-    /// Places on the way to somewhere off the survey.
+    /// Where to go off the survey.
+    destination: Option<Vector3<f64>>,
+    /// Places on the way there, once it is under way.
     transit: VecDeque<Waypoint>,
     segment: Option<Segment>,
     track: Track,
@@ -55,6 +57,7 @@ impl Route {
             steps_done: 0,
             steps_decided: 0,
             is_exhausted: false,
+            destination: None,
             transit: VecDeque::new(),
             segment: None,
             track: Track::Stop,
@@ -123,7 +126,8 @@ impl Route {
             Some(waypoint) => {
                 self.ahead.push_back(waypoint);
                 self.steps_decided += 1;
-                // The way to the present waypoint can pass it now instead of stopping there.
+                // The way to the present waypoint can pass it now instead of stopping there, if
+                // the present motion allows; otherwise it goes on as planned.
                 if self.track == Track::Survey && self.ahead.len() >= 2 {
                     self.fly(Track::Survey, now, self.knot_at(now));
                 }
@@ -133,7 +137,11 @@ impl Route {
     }
 
     /// Leaves the present trajectory for the survey, unless it is on it already.
+    ///
+    /// To be called again until it is: from some accelerated states there is no way within the
+    /// limits yet.
     pub(super) fn survey(&mut self, now: Stamp<Mono>) {
+        self.forget_destination();
         if self.track != Track::Survey {
             self.fly(Track::Survey, now, self.knot_at(now));
         }
@@ -145,13 +153,19 @@ impl Route {
         let Some((end_at, end)) = finished.map(|s| (s.end_at(), *s.end())) else { return };
         let track = self.track;
         match track {
-            Track::Stop => return,
             Track::Survey => {
                 self.ahead.pop_front();
                 self.steps_done += 1;
             }
             Track::Transit => {
                 self.transit.pop_front();
+                if self.transit.is_empty() {
+                    self.destination = None;
+                }
+            }
+            Track::Stop => {
+                self.depart(now);
+                return;
             }
         }
         self.track = Track::Stop;
@@ -159,33 +173,59 @@ impl Route {
         self.fly(track, end_at, Some(end));
     }
 
-    fn fly(&mut self, track: Track, at: Stamp<Mono>, from: Option<Knot>) {
+    /// Begins the piece to the first place of a track; false if there is none within the limits.
+    fn fly(&mut self, track: Track, at: Stamp<Mono>, from: Option<Knot>) -> bool {
         let places = match track {
-            Track::Stop => return,
+            Track::Stop => return false,
             Track::Survey => &self.ahead,
             Track::Transit => &self.transit,
         };
-        let (Some(from), Some(first)) = (from, places.front()) else { return };
+        let (Some(from), Some(first)) = (from, places.front()) else { return false };
         let next_places = places.iter().take(LOOK_AHEAD).map(|w| w.coords);
         let path: Vec<_> = std::iter::once(from.position).chain(next_places).collect();
         let velocity = passing_velocity(from.velocity.norm(), &path, &self.settings.limits);
         let to = Knot { position: first.coords, velocity, accel: Vector3::zeros() };
-        self.segment = Some(Segment::between(at, &from, &to, &self.settings.limits));
+        let Some(segment) = Segment::between(at, &from, &to, &self.settings.limits) else {
+            return false;
+        };
+        self.segment = Some(segment);
         self.track = track;
+        true
     }
 
-    /// Flies straight to a place off the survey and stops there.
+    /// Flies straight to a place off the survey and stops there; stops first where it must.
     pub(super) fn go_to(&mut self, place: &Vector3<f64>, now: Stamp<Mono>) {
-        let Some(from) = self.knot_at(now) else { return };
+        self.destination = Some(*place);
+        if !self.depart(now) {
+            self.slow_down(now);
+        }
+    }
+
+    /// Begins the way to the destination, if there is one; false if it cannot begin yet.
+    fn depart(&mut self, now: Stamp<Mono>) -> bool {
+        let (Some(place), Some(from)) = (self.destination, self.knot_at(now)) else { return false };
         let n_pieces = ((place - from.position).norm() / TRANSIT_SPACING_M).ceil().max(1.0);
         self.transit = std::iter::successors(Some(1.0), |k| (*k < n_pieces).then_some(k + 1.0))
-            .map(|k| Waypoint::from_coords(from.position.lerp(place, k / n_pieces)))
+            .map(|k| Waypoint::from_coords(from.position.lerp(&place, k / n_pieces)))
             .collect();
-        self.fly(Track::Transit, now, Some(from));
+        self.fly(Track::Transit, now, Some(from))
     }
 
-    /// Stops within the limits.
+    fn forget_destination(&mut self) {
+        self.destination = None;
+        self.transit.clear();
+        if self.track == Track::Transit {
+            self.track = Track::Stop;
+        }
+    }
+
+    /// Stops within the limits and stays.
     pub(super) fn brake(&mut self, now: Stamp<Mono>) {
+        self.forget_destination();
+        self.slow_down(now);
+    }
+
+    fn slow_down(&mut self, now: Stamp<Mono>) {
         let Some(from) = self.knot_at(now) else { return };
         self.segment = Some(Segment::brake(now, &from, &self.settings.limits));
         self.track = Track::Stop;
@@ -193,20 +233,22 @@ impl Route {
 
     /// Starts the trajectory at rest at a place.
     pub(super) fn stand(&mut self, place: &Vector3<f64>, now: Stamp<Mono>) {
+        self.forget_destination();
         self.segment = Some(Segment::hold(now, *place));
         self.track = Track::Stop;
     }
 
     /// Ends all steering.
     pub(super) fn let_go(&mut self) {
+        self.forget_destination();
         self.segment = None;
         self.track = Track::Stop;
     }
 
     /// Where the trajectory ends, once everything on the way there is flown.
     pub(super) fn reached_end(&self, now: Stamp<Mono>) -> Option<Vector3<f64>> {
-        let segment =
-            self.segment.as_ref().filter(|s| self.track == Track::Stop && s.is_over(now))?;
+        let is_there = self.track == Track::Stop && self.destination.is_none();
+        let segment = self.segment.as_ref().filter(|s| is_there && s.is_over(now))?;
         Some(segment.end().position)
     }
 

@@ -64,6 +64,7 @@ const BOUND_TOLERANCE: f64 = 1.01;
 const END_VELOCITY_SHARES: [f64; 4] = [1.0, 0.7, 0.4, 0.0];
 const STRETCH: f64 = 1.08;
 const MAX_STRETCHES: usize = 90;
+const MAX_BRAKE_STRETCHES: usize = 20;
 
 impl Segment {
     /// Keeps a place.
@@ -74,24 +75,18 @@ impl Segment {
         Self { start, duration_s: 0.0, coefficients, end: Knot::at_rest(position) }
     }
 
-    /// The fastest quintic from `from` to `to` within the limits.
+    /// The fastest quintic from `from` to `to` within the limits; `None` if none keeps them, which
+    /// happens to starts that are accelerated already.
     ///
     /// An end velocity that cannot be reached without backing off first is lowered, to rest if
     /// need be.
     #[must_use]
-    pub fn between(start: Stamp<Mono>, from: &Knot, to: &Knot, limits: &Limits) -> Self {
-        for share in END_VELOCITY_SHARES {
+    pub fn between(start: Stamp<Mono>, from: &Knot, to: &Knot, limits: &Limits) -> Option<Self> {
+        END_VELOCITY_SHARES.into_iter().find_map(|share| {
             let end = Knot { velocity: to.velocity * share, ..*to };
-            if let Some(segment) = Self::fastest(start, from, &end, limits)
-                && (share == 0.0 || segment.goes_forward(from))
-            {
-                return segment;
-            }
-        }
-        // The start breaks the limits already (a braking command in a gust): go gently.
-        let distance_m = (to.position - from.position).norm();
-        let gentle_s = 2.0 * (distance_m / limits.speed_mps).max(2.0);
-        Self::with_duration(start, from, &Knot::at_rest(to.position), gentle_s)
+            Self::fastest(start, from, &end, limits)
+                .filter(|segment| share == 0.0 || segment.goes_forward(from))
+        })
     }
 
     /// The shortest duration of a geometric series that keeps the limits, if one does.
@@ -111,14 +106,25 @@ impl Segment {
         self.samples().all(|knot| knot.velocity.dot(&chord) >= slowest)
     }
 
-    /// Brakes to a stop as fast as the limits allow.
+    /// Brakes to a stop, wherever that is, as fast as the limits allow.
+    ///
+    /// ```text
+    /// v(t) the cubic from (v₀, a₀) to (0, 0):   p₁ = p₀ + v₀ T/2 + a₀ T²/12
+    /// ```
     #[must_use]
     pub fn brake(start: Stamp<Mono>, from: &Knot, limits: &Limits) -> Self {
-        let braking_m = from.velocity.norm_squared() / (2.0 * limits.accel_mps2);
-        let ahead = from.velocity.try_normalize(1e-6).unwrap_or_default();
-        // A smooth stop needs more room than the sharpest: the quintic peaks at 1.9 times its mean.
-        let target = from.position + ahead * (1.9 * braking_m);
-        Self::between(start, from, &Knot::at_rest(target), limits)
+        let stop_in = |t: f64| {
+            let place = from.position + from.velocity * (t / 2.0) + from.accel * (t * t / 12.0);
+            Self::with_duration(start, from, &Knot::at_rest(place), t)
+        };
+        // The cubic's peak deceleration from a steady speed is 1.5 times its mean.
+        let shortest_s = (1.5 * from.velocity.norm() / limits.accel_mps2).max(0.3);
+        std::iter::successors(Some(shortest_s), |t| Some(t * STRETCH))
+            .take(MAX_BRAKE_STRETCHES)
+            .map(stop_in)
+            .find(|segment| segment.keeps(limits))
+            // A start outside of the limits (never of our own making) still stops.
+            .unwrap_or_else(|| stop_in(shortest_s))
     }
 
     fn with_duration(start: Stamp<Mono>, from: &Knot, to: &Knot, duration_s: f64) -> Self {
@@ -256,9 +262,11 @@ mod tests {
             let points = [place(), place(), place()];
             let via = passing_velocity(0.0, &points, &limits);
             let knot = Knot { position: points[1], velocity: via, accel: Vector3::zeros() };
-            let first = Segment::between(Stamp::ZERO, &Knot::at_rest(points[0]), &knot, &limits);
+            let first = Segment::between(Stamp::ZERO, &Knot::at_rest(points[0]), &knot, &limits)
+                .expect("from rest");
             let joint = Stamp::ZERO.plus(Duration::from_secs_f64(first.duration_s()));
-            let second = Segment::between(joint, first.end(), &Knot::at_rest(points[2]), &limits);
+            let second = Segment::between(joint, first.end(), &Knot::at_rest(points[2]), &limits)
+                .expect("from a steady speed");
             for segment in [&first, &second] {
                 for k in 0..=1000 {
                     let knot = segment.knot_after(segment.duration_s() * f64::from(k) / 1000.0);
@@ -286,7 +294,8 @@ mod tests {
             &from,
             &Knot::at_rest(Vector3::new(4.0, -1.0, 5.0)),
             &limits,
-        );
+        )
+        .expect("gently accelerated");
         for k in 1..20 {
             let t = segment.duration_s() * f64::from(k) / 20.0;
             let (a, b) = (segment.knot_after(t - 1e-5), segment.knot_after(t + 1e-5));

@@ -31,7 +31,7 @@ fn posterior_variance_never_exceeds_prior() {
         let mut noise = SeedBook::new(31).stream("hits");
         let mut before = grid.var_m2().to_vec();
         for _ in 0..5_000 {
-            grid.insert(&hit(&mut noise));
+            grid.insert(&hit(&mut noise), |_| true);
             for (old, new) in std::iter::zip(&before, grid.var_m2()) {
                 assert!(new <= old && *new >= 0.0 && *new <= prior, "{old} to {new}");
             }
@@ -68,7 +68,7 @@ fn more_data_never_makes_the_volume_less_certain() {
         assert!(marginals.iter().all(|var| *var <= settings.sigma_m.powi(2) * (1.0 + 1e-9)));
         last = variance;
         for _ in 0..40 {
-            grid.insert(&hit(&mut noise));
+            grid.insert(&hit(&mut noise), |_| true);
         }
     }
     assert!(last > 0.0 && last.is_finite());

@@ -23,7 +23,7 @@ fn worst(segment: &Segment, limits: &Limits) -> f64 {
 }
 
 /// Draws segments between random places and velocities; `speed` and `accel` bound the start, as
-/// shares of the limits. Returns [`worst`] of each.
+/// shares of the limits. Returns [`worst`] of each segment that there is.
 fn drawn(speed: f64, accel: f64) -> Vec<f64> {
     let mut noise = SeedBook::new(41).stream("knots");
     let mut all = Vec::new();
@@ -40,7 +40,7 @@ fn drawn(speed: f64, accel: f64) -> Vec<f64> {
             velocity: within(&mut noise, limits.speed_mps),
             accel: Vector3::zeros(),
         };
-        let segment = Segment::between(at_s(0.0), &from, &to, &limits);
+        let Some(segment) = Segment::between(at_s(0.0), &from, &to, &limits) else { continue };
         assert!(segment.duration_s().is_finite() && segment.duration_s() > 0.0, "case {case}");
         let begins = segment.knot_at(at_s(0.0));
         assert!((begins.position - from.position).norm() < 1e-9);
@@ -58,26 +58,40 @@ fn largest(all: &[f64]) -> f64 {
 }
 
 #[test]
-fn bounds_hold_from_rest_to_any_state() {
+fn from_rest_there_is_always_a_way_within_the_bounds() {
     let all = drawn(0.0, 0.0);
+    assert_eq!(all.len(), 3_000);
     assert!(largest(&all) <= TOLERANCE, "{} of a bound", largest(&all));
 }
 
 #[test]
-fn bounds_hold_from_any_velocity() {
+fn from_any_velocity_there_is_always_a_way_within_the_bounds() {
     let all = drawn(1.0, 0.0);
+    assert_eq!(all.len(), 3_000);
     assert!(largest(&all) <= TOLERANCE, "{} of a bound", largest(&all));
 }
 
 #[test]
-fn few_segments_that_begin_accelerated_leave_the_bounds() {
-    // One quintic cannot always lose an acceleration that it begins with inside the bounds: its
-    // velocity overshoots by about that acceleration times the duration. The share is bounded
-    // here so that it does not grow.
+fn what_begins_accelerated_keeps_the_bounds_or_is_not_flown() {
     let all = drawn(0.7, 0.3);
-    let n_over = all.iter().filter(|worst| **worst > TOLERANCE).count();
-    println!("{n_over} of {} leave the bounds, the worst by {:.1}", all.len(), largest(&all));
-    assert!(n_over * 5 <= all.len(), "{n_over} of {}", all.len());
+    println!("{} of 3000 have a way", all.len());
+    assert!(all.len() > 2_000);
+    assert!(largest(&all) <= TOLERANCE, "{} of a bound", largest(&all));
+}
+
+#[test]
+fn braking_while_accelerating_keeps_the_bounds() {
+    let mut noise = SeedBook::new(43).stream("brakes");
+    let limits = Limits { speed_mps: 2.0, accel_mps2: 1.5 };
+    for _ in 0..2_000 {
+        let flying = Knot {
+            position: within(&mut noise, 10.0),
+            velocity: within(&mut noise, 0.7 * limits.speed_mps),
+            accel: within(&mut noise, 0.9 * limits.accel_mps2),
+        };
+        let stop = Segment::brake(at_s(0.0), &flying, &limits);
+        assert!(worst(&stop, &limits) <= TOLERANCE, "{flying:?}");
+    }
 }
 
 #[test]
@@ -94,8 +108,9 @@ fn braking_from_any_speed_keeps_the_bounds_and_ends_near() {
         let stop = Segment::brake(at_s(0.0), &flying, &limits);
         assert!(worst(&stop, &limits) <= TOLERANCE, "{flying:?} {limits:?}");
         let way_m = (stop.end().position - flying.position).norm();
-        // Twice the way of the sharpest stop.
-        let bound_m = flying.velocity.norm_squared() / limits.accel_mps2 + 1e-9;
+        // Twice the way of the sharpest stop; no stop is shorter than 0.3 s.
+        let speed_mps = flying.velocity.norm();
+        let bound_m = (speed_mps * speed_mps / limits.accel_mps2).max(0.15 * speed_mps) + 1e-9;
         assert!(way_m <= bound_m, "{way_m} m instead of {bound_m} m");
     }
 }
