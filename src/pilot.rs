@@ -29,6 +29,7 @@ use crate::planning;
 use crate::planning::Waypoint;
 use crate::planning::free_space::FreeSpace;
 use crate::time::{Mono, Stamp};
+use crate::units::wrapped_rad;
 use nalgebra::Vector3;
 use route::Route;
 use std::collections::VecDeque;
@@ -56,6 +57,8 @@ pub struct Settings {
 
 /// Without a beam for this long the LiDAR counts as silent.
 const LIDAR_SILENT_AFTER: Duration = Duration::from_secs(2);
+/// An older battery message says nothing; PX4 sends one every two seconds.
+const BATTERY_OLD_AFTER: Duration = Duration::from_secs(10);
 /// Scans wait at most this long for the pose at their end.
 const SCAN_PATIENCE: Duration = Duration::from_millis(300);
 /// The end of a trajectory counts as reached within this distance, m.
@@ -83,8 +86,16 @@ pub struct Pilot {
     /// Where the flight began; the return leads here.
     home: Option<Waypoint>,
     flown: FlownPath,
-    /// Landed, waiting for the last solve: whether the survey was complete.
-    ending: Option<bool>,
+    /// Landed, waiting for the last solve.
+    ending: Option<Ending>,
+}
+
+/// What a flight came to, before its last solve.
+#[derive(Debug, Clone, Copy)]
+struct Ending {
+    is_complete: bool,
+    steps_done: usize,
+    path_length_m: f64,
 }
 
 /// Work that is under way.
@@ -248,9 +259,18 @@ impl Pilot {
             is_autopilot_lost: self.is_autopilot_lost,
             has_position: self.trusted_estimate().is_some(),
             has_lidar: self.last_beam_at.is_some_and(|at| self.now.since(at) < LIDAR_SILENT_AFTER),
-            battery_ratio: self.battery.map(|battery| battery.remaining_ratio),
+            battery_ratio: self
+                .battery
+                .filter(|battery| self.now.since(battery.at) < BATTERY_OLD_AFTER)
+                .map(|battery| battery.remaining_ratio),
             has_plan: self.route.has_plan(),
             is_plan_done: self.route.is_done(),
+            is_plan_complete: self.route.is_complete(),
+            heading_error_rad: self.localizer.estimate().map(|estimate| {
+                let yaw_rad = estimate.hall_from_body.rotation.yaw_rad();
+                wrapped_rad(yaw_rad - self.route.settings().yaw_rad)
+            }),
+            is_trajectory_over: self.route.reached_end(self.now).is_some(),
             is_at_target: self.is_at_target(),
         }
     }
@@ -269,12 +289,16 @@ impl Pilot {
                 Effect::Command(command) => actions.push(Action::Command(command)),
                 Effect::Say(severity, text) => say(actions, severity, text),
                 Effect::Enter { from, to, reason } => {
-                    self.enter(to);
+                    self.enter(from, to);
                     let change = PhaseChange { at: self.now, from, to, reason };
                     actions.push(Action::PhaseChanged(change));
                 }
                 Effect::Ended { is_complete } => {
-                    self.ending = Some(is_complete);
+                    self.ending = Some(Ending {
+                        is_complete,
+                        steps_done: self.route.steps_done(),
+                        path_length_m: self.flown.length_m,
+                    });
                     self.start_solve(true, actions);
                 }
             }
@@ -282,10 +306,14 @@ impl Pilot {
     }
 
     /// Turns the trajectory to what the new phase is for.
-    fn enter(&mut self, phase: Phase) {
+    fn enter(&mut self, from: Phase, to: Phase) {
         let here = self.localizer.estimate().map(|estimate| estimate.hall_from_body.origin);
-        match phase {
+        match to {
             Phase::Preflight => {
+                // The next flight measures anew: the material may have moved.
+                self.mapper.restart();
+                self.volume = None;
+                self.jobs.choice = None;
                 self.route.restart();
                 self.flown = FlownPath::default();
                 self.home = here;
@@ -295,10 +323,12 @@ impl Pilot {
             }
             Phase::TakeOff => {
                 // The pose has settled since the preflight began; fly from where it is now.
-                if let Some(place) = here {
+                if let Some(place) = here.filter(|_| from == Phase::Preflight) {
                     self.home = Some(place);
                     self.route.stand(&place.coords, self.now);
-                    self.route.go_to(&self.above(&place), self.now);
+                }
+                if let Some(home) = self.home {
+                    self.route.go_to(&self.above(&home), self.now);
                 }
             }
             Phase::Return => {
@@ -356,7 +386,15 @@ impl Pilot {
             if !is_covered && self.now.since(end) <= SCAN_PATIENCE {
                 break;
             }
-            if let Some(scan) = self.waiting_scans.pop_front() {
+            let Some(scan) = self.waiting_scans.pop_front() else { break };
+            let is_measuring = matches!(
+                self.mission.phase(),
+                Phase::TakeOff | Phase::Survey | Phase::Return | Phase::Hold
+            );
+            if !is_measuring {
+                // Beams from the pad would count the same few cells for minutes.
+                self.mapper.count_on_ground(&scan);
+            } else {
                 self.mapper.insert(&scan, |at| self.localizer.pose_at(at));
             }
         }
@@ -450,15 +488,16 @@ impl Pilot {
         if !self.jobs.is_final_solve {
             return;
         }
-        if let (Some(is_complete), Some(volume)) = (self.ending.take(), self.volume) {
+        if let Some(ending) = self.ending.take() {
+            let volume = *self.volume.get_or_insert_with(|| self.mapper.cell_volume(self.now));
             self.report(true, actions);
             actions.push(Action::Ended(Box::new(FlightSummary {
                 at: self.now,
                 volume,
                 hits: self.mapper.counts(),
-                steps_done: self.route.steps_done(),
-                path_length_m: self.flown.length_m,
-                is_complete,
+                steps_done: ending.steps_done,
+                path_length_m: ending.path_length_m,
+                is_complete: ending.is_complete,
             })));
         }
     }

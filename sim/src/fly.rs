@@ -20,7 +20,7 @@ use std::time::{Duration, Instant};
 use stockpilot::config::Config;
 use stockpilot::pilot::FlightSummary;
 use stockpilot::service::clock::{Clock, ClockDriver};
-use stockpilot::service::onboard::{Onboard, OnboardStats, Surroundings};
+use stockpilot::service::onboard::{Onboard, Surroundings};
 use stockpilot::stats::SeedBook;
 use stockpilot::time::{Mono, Stamp};
 use tokio_util::sync::CancellationToken;
@@ -40,7 +40,7 @@ pub struct FlyOptions {
 const LONGEST_FLIGHT: Duration = Duration::from_secs(900);
 /// The rig moves by one inertial sample.
 const STEP: Duration = Duration::from_millis(5);
-/// Between two looks at the sockets the service gets this long, in flight time at speed 1.
+/// A line of progress comes this often, by the wall's clock.
 const PROGRESS_EVERY: Duration = Duration::from_millis(250);
 
 /// Flies one scenario from start to landing.
@@ -72,10 +72,10 @@ pub fn run(scenario: &Scenario, options: &FlyOptions) -> anyhow::Result<RunRepor
         pace: Pace::new(options.speed),
     };
     let outcome = flight.fly(&onboard, options);
+    let (beams_sent, beams_dropped) = flight.beams_sent_and_dropped(&onboard);
     onboard.stop();
-    let stats = runtime.block_on(join_driven(onboard, &flight.driver))?;
+    runtime.block_on(join_driven(onboard, &flight.driver))?;
     let summary = outcome?;
-    let (beams_sent, beams_dropped) = flight.beams_sent_and_dropped(&stats);
     let measured = Measured {
         flight: summary,
         poses: flight.poses,
@@ -87,13 +87,13 @@ pub fn run(scenario: &Scenario, options: &FlyOptions) -> anyhow::Result<RunRepor
 }
 
 /// Waits for the service to end while the clock goes on, since its tasks may wait for an instant.
-async fn join_driven(onboard: Onboard, driver: &ClockDriver) -> anyhow::Result<OnboardStats> {
+async fn join_driven(onboard: Onboard, driver: &ClockDriver) -> anyhow::Result<()> {
     let mut ticker = tokio::time::interval(Duration::from_millis(1));
     let joined = onboard.join();
     tokio::pin!(joined);
     loop {
         tokio::select! {
-            stats = &mut joined => return Ok(stats?),
+            stats = &mut joined => return stats.map(|_| ()).map_err(Into::into),
             _ = ticker.tick() => driver.advance_to(driver.now().plus(STEP)),
         }
     }
@@ -262,10 +262,16 @@ impl Flight {
     }
 
     /// Samples that left the sensor, and those of them that are known to be lost on the way.
-    fn beams_sent_and_dropped(&self, stats: &OnboardStats) -> (u64, u64) {
+    ///
+    /// To be asked before the service ends: a turn that comes after that has nowhere to go.
+    fn beams_sent_and_dropped(&self, onboard: &Onboard) -> (u64, u64) {
         let line = self.devices.lidar.counts();
+        let driver = onboard.lidar().borrow().stats;
         let dropped_on_line = line.samples_overrun + line.samples_corrupted;
-        (line.samples_sent + dropped_on_line, dropped_on_line + stats.lidar.stats.lost_beams)
+        if dropped_on_line + driver.lost_beams > 0 {
+            tracing::warn!(?line, ?driver, "beams were lost on the way");
+        }
+        (line.samples_sent + dropped_on_line, dropped_on_line + driver.lost_beams)
     }
 }
 

@@ -1,6 +1,6 @@
 //! A flight whose process is killed leaves a log that replays.
 
-#![expect(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "tests may panic")]
+#![expect(clippy::unwrap_used, clippy::expect_used, reason = "tests may panic")]
 
 use std::io::{BufRead, BufReader};
 use std::path::Path;

@@ -195,10 +195,19 @@ impl Config {
             )?,
         };
         let kalman_grid = self.kalman_grid_settings()?;
+        // The solve holds one number for each pair of cells within reach.
+        let reach_cells = kalman_grid.reach * kalman_grid.length_scale_m / cell_m;
+        let n_pairs = n_cells * 0.5 * std::f64::consts::PI * (reach_cells + 1.0).powi(2);
+        within("pairs of cells within surface.reach", n_pairs, (1.0, 3e7), "")?;
         Ok(mapping::Settings {
             region,
             cell_m,
-            base_height_m: within("hall.base_height_m", hall.base_height_m, (-100.0, 100.0), "m")?,
+            base_height_m: within(
+                "hall.base_height_m",
+                hall.base_height_m,
+                (-100.0, hall.max_pile_height_m),
+                "m",
+            )?,
             below_base_m: 0.5,
             max_height_m: within(
                 "hall.max_pile_height_m",
@@ -285,8 +294,13 @@ impl Config {
         let (width_m, depth_m) = region.size_m();
         let widest_m = width_m.min(depth_m) / 2.0 - 0.1;
         let inset_m = within("planning.inset_m", p.inset_m, (-5.0, widest_m), "m")?;
-        let lowest_m = self.hall.max_pile_height_m;
+        // Room for the vehicle between the highest pile and the flight.
+        let lowest_m = self.hall.max_pile_height_m.max(self.surface.prior_height_m) + 0.5;
         let metres = |key, value, range| within(key, value, range, "m");
+        let sites =
+            (width_m / p.candidate_spacing_m + 1.0) * (depth_m / p.candidate_spacing_m + 1.0);
+        within("candidate waypoints in the region", sites, (1.0, 20_000.0), "")?;
+        self.check_square_wave_heading()?;
         #[expect(clippy::cast_precision_loss, reason = "only its size is judged")]
         within("planning.n_steps", p.n_steps as f64, (1.0, 10_000.0), "")?;
         Ok(planning::Settings {
@@ -335,6 +349,17 @@ impl Config {
         })
     }
 
+    /// The legs of the square wave run along x, so the scan plane must stand across x.
+    fn check_square_wave_heading(&self) -> Result<(), ConfigError> {
+        let p = &self.planning;
+        let is_along_x = rad_from_deg(p.yaw_deg).cos().abs() > 0.95;
+        if p.planner == PlannerName::SquareWave && !is_along_x {
+            let message = "the square wave's legs run along x: head along x (0 or 180 deg)";
+            return Err(invalid("planning.yaw_deg", message));
+        }
+        Ok(())
+    }
+
     fn mission_settings(&self) -> Result<mission::Settings, ConfigError> {
         let m = &self.mission;
         let ratio = |key, percent, high| {
@@ -347,7 +372,11 @@ impl Config {
                 "mission.min_take_off_battery_percent",
                 m.min_take_off_battery_percent,
                 100.0,
-            )?,
+            )
+            .and_then(|take_off| {
+                let least = back / 100.0;
+                within("mission.min_take_off_battery_percent", take_off, (least, 1.0), "")
+            })?,
             return_battery_ratio: ratio("mission.return_battery_percent", back, 100.0)?,
             land_battery_ratio: ratio("mission.land_battery_percent", land, back)?,
             preflight_timeout: seconds(

@@ -67,13 +67,22 @@ impl Ring {
         self.entries[0].state.at
     }
 
-    /// Takes in an inertial sample; one that is not newer than the last is ignored.
+    /// Takes in an inertial sample; one that is not newer than the last sample is ignored.
+    ///
+    /// A fix may have come before the sample that covers its time; it is computed again then.
     pub fn push_imu(&mut self, imu: ImuSample) {
-        if imu.at <= self.newest().at {
+        let is_imu = |entry: &Entry| matches!(entry.input, Input::Imu(_));
+        let last_imu = self.entries.iter().rev().find(|entry| is_imu(entry));
+        if last_imu.is_some_and(|last| imu.at <= last.state.at) {
             return;
         }
-        let state = self.newest().propagated(&imu, imu.at, &self.noise);
-        self.entries.push_back(Entry { input: Input::Imu(imu), state });
+        let place = self.entries.partition_point(|entry| entry.state.at <= imu.at);
+        let first_fix = self.entries.iter().rposition(is_imu).map_or(place, |last| last + 1);
+        let state = self.entries[place - 1].state.propagated(&imu, imu.at, &self.noise);
+        self.entries.insert(place, Entry { input: Input::Imu(imu), state });
+        if first_fix < place || place + 1 < self.entries.len() {
+            self.recompute_from(first_fix);
+        }
         let horizon = imu.at.minus(self.span);
         while self.entries.len() > 2 && self.entries[1].state.at < horizon {
             self.entries.pop_front();
@@ -241,6 +250,25 @@ mod tests {
         let (a, b) = (run(true), run(false));
         assert!((a.P - b.P).norm() < 1e-12);
         assert!((a.hall_from_body.origin - b.hall_from_body.origin).coords.norm() < 1e-12);
+    }
+
+    #[test]
+    fn a_fix_ahead_of_the_samples_does_not_shadow_them() {
+        let fix = fix(&mut SeedBook::new(6).stream("fix"));
+        let run = |fix_after_ms: i64| {
+            let mut ring = ring();
+            for step in 1..=60 {
+                ring.push_imu(imu(step * 5));
+                if step * 5 == fix_after_ms {
+                    ring.insert_fix(at_ms(112), fix.clone());
+                }
+            }
+            ring.newest().clone()
+        };
+        let (early, in_time) = (run(100), run(115));
+        assert!((early.P - in_time.P).norm() < 1e-12);
+        let apart = early.hall_from_body.origin - in_time.hall_from_body.origin;
+        assert!(apart.coords.norm() < 1e-12);
     }
 
     #[test]

@@ -61,10 +61,15 @@ const HUBER_SIGMAS: f64 = 1.345;
 /// Points further than this from the robust solution are left out of the final one, in σ.
 const POINT_GATE_SIGMAS: f64 = 5.0;
 
-/// The mapped corners of the detected tags.
+/// The mapped corners of the detected tags; a tag that is reported twice is left out, since one of
+/// the two is wrong or both are the same.
 #[must_use]
 pub fn features(map: &MarkerMap, tags: &[TagDetection]) -> Vec<PointFeature> {
+    let is_unique = |tag: &&TagDetection| {
+        tags.iter().filter(|t| (t.family, t.id) == (tag.family, tag.id)).count() == 1
+    };
     tags.iter()
+        .filter(is_unique)
         .filter_map(|tag| map.corners(tag.family, tag.id).map(|corners| (tag, corners)))
         .flat_map(|(tag, corners)| {
             std::iter::zip(corners, &tag.corners_px)

@@ -95,6 +95,37 @@ impl Mapper {
         }
     }
 
+    /// Begins a new map; the counts go on.
+    pub fn restart(&mut self) {
+        self.grid = KalmanGrid::new(*self.grid.geometry(), self.settings.kalman_grid);
+    }
+
+    /// The volume of the cells as they are, their variances added: what is left when the field
+    /// between them cannot be solved.
+    #[must_use]
+    pub fn cell_volume(&self, at: Stamp<Mono>) -> VolumeEstimate {
+        let areas_m2 = &self.base.cell_areas_m2;
+        let var_m6: f64 =
+            std::iter::zip(areas_m2, self.grid.var_m2()).map(|(a, v)| a * a * v).sum();
+        VolumeEstimate {
+            at,
+            volume_m3: self.base.volume_m3(self.grid.mean_m()),
+            sigma_m3: var_m6.sqrt(),
+            coverage_ratio: self.coverage_ratio(),
+        }
+    }
+
+    fn coverage_ratio(&self) -> f64 {
+        self.base.area_share(|cell| self.grid.n_hits()[cell] > 0)
+    }
+
+    /// Counts a scan that was taken while nothing was measured.
+    pub fn count_on_ground(&mut self, scan: &Scan) {
+        let n_beams = scan.beams.len() as u64;
+        self.counts.received += n_beams;
+        self.counts.on_ground += n_beams;
+    }
+
     /// Counts a scan that cannot be placed in time.
     pub fn refuse(&mut self, scan: &Scan) {
         let n_beams = scan.beams.len() as u64;
@@ -183,7 +214,7 @@ impl Mapper {
             geometry: *self.grid.geometry(),
             cell_mean_m: self.grid.mean_on_prior_m(prior_height_m),
             cell_var_m2: self.grid.var_m2().to_vec(),
-            coverage_ratio: self.base.area_share(|cell| self.grid.n_hits()[cell] > 0),
+            coverage_ratio: self.coverage_ratio(),
             base: self.base.clone(),
             gp: sparse_gp::Settings { mean_m: prior_height_m, ..self.settings.gp },
             volume_variance: self.settings.volume_variance,
@@ -359,6 +390,7 @@ mod tests {
             outside: 1,
             no_pose: 1,
             poor_pose: 1,
+            on_ground: 0,
         };
         assert_eq!(mapper.counts(), expected);
     }

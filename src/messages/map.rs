@@ -125,4 +125,6 @@ pub struct HitCounts {
     pub no_pose: u64,
     /// Beams while the pose was too uncertain to map with.
     pub poor_pose: u64,
+    /// Beams while the vehicle was not flying a survey.
+    pub on_ground: u64,
 }

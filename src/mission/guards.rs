@@ -27,6 +27,10 @@ pub struct Settings {
     pub recovered_after: Duration,
     /// Without LiDAR for this long in a hold, it returns.
     pub return_after_lidar_lost: Duration,
+    /// At the end of the way home without being over the pad for this long, it lands there.
+    pub land_beside_pad_after: Duration,
+    /// No take-off with the heading further than this from the survey's, rad.
+    pub max_heading_error_rad: f64,
 }
 
 impl Default for Settings {
@@ -42,6 +46,8 @@ impl Default for Settings {
             land_after_fix_lost: Duration::from_secs(3),
             recovered_after: Duration::from_secs(1),
             return_after_lidar_lost: Duration::from_secs(10),
+            land_beside_pad_after: Duration::from_secs(10),
+            max_heading_error_rad: 0.4,
         }
     }
 }
@@ -75,6 +81,15 @@ pub enum PreflightFault {
         /// Least state of charge, %.
         needed_percent: f64,
     },
+    /// The autopilot is in a failsafe.
+    #[error("the autopilot reports a failsafe")]
+    InFailsafe,
+    /// It would turn right after take-off.
+    #[error("the heading is {degrees:.0}° off the survey's: turn the vehicle on its pad")]
+    Heading {
+        /// Heading against the survey's, deg.
+        degrees: f64,
+    },
     /// No waypoints.
     #[error("no feasible waypoint: check marker map, region and quality threshold")]
     NoPlan,
@@ -91,11 +106,15 @@ pub(super) fn preflight_fault(inputs: &Inputs, settings: &Settings) -> Option<Pr
         }
         Some(_) => None,
     };
+    let heading_error_rad = inputs.heading_error_rad.unwrap_or(0.0);
+    let heading = PreflightFault::Heading { degrees: heading_error_rad.to_degrees() };
     let checks = [
         (inputs.is_autopilot_lost, PreflightFault::NoAutopilot),
+        (vehicle.in_failsafe, PreflightFault::InFailsafe),
         (vehicle.is_armed, PreflightFault::ArmedAlready),
         (vehicle.landed != LandedState::OnGround, PreflightFault::NotOnGround),
         (!inputs.has_position, PreflightFault::NoPosition),
+        (heading_error_rad.abs() > settings.max_heading_error_rad, heading),
         (!inputs.has_lidar, PreflightFault::NoLidar),
         (!inputs.has_plan, PreflightFault::NoPlan),
     ];

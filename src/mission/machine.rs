@@ -23,8 +23,14 @@ pub struct Inputs {
     pub battery_ratio: Option<f64>,
     /// There is somewhere to fly.
     pub has_plan: bool,
-    /// All waypoints are flown.
+    /// No waypoint is left.
     pub is_plan_done: bool,
+    /// Every waypoint that was wished for is flown.
+    pub is_plan_complete: bool,
+    /// Heading of the body against that of the survey, rad; `None` without a pose.
+    pub heading_error_rad: Option<f64>,
+    /// The present trajectory has come to its end, wherever the vehicle is.
+    pub is_trajectory_over: bool,
     /// The end of the present trajectory is reached.
     pub is_at_target: bool,
 }
@@ -71,6 +77,14 @@ pub struct Mission {
     resume_to: Phase,
     /// Since when what the hold waits for is back.
     recovered_since: Option<Stamp<Mono>>,
+    /// Since when the position is gone.
+    lost_since: Option<Stamp<Mono>>,
+    /// Since when the way home is flown without being there.
+    stuck_since: Option<Stamp<Mono>>,
+    /// In this preflight the autopilot has followed the companion.
+    was_companion: bool,
+    /// In this preflight the companion has asked to arm.
+    has_asked_to_arm: bool,
     is_complete: bool,
 }
 
@@ -86,6 +100,10 @@ impl Mission {
             hold_cause: HoldCause::Operator,
             resume_to: Phase::Survey,
             recovered_since: None,
+            lost_since: None,
+            stuck_since: None,
+            was_companion: false,
+            has_asked_to_arm: false,
             is_complete: false,
         }
     }
@@ -120,6 +138,7 @@ impl Mission {
                 return true;
             }
             (OperatorVerb::Resume, Hold) if inputs.has_position => self.resume_to,
+            (OperatorVerb::Hold | OperatorVerb::Return | OperatorVerb::Land, Preflight) => Idle,
             (OperatorVerb::Return, TakeOff | Survey | Hold) if inputs.has_position => Return,
             (OperatorVerb::Return, Return | Land) | (OperatorVerb::Land, Land) => return true,
             (OperatorVerb::Land, TakeOff | Survey | Return | Hold) => Land,
@@ -136,6 +155,8 @@ impl Mission {
 
     /// Looks at the facts and goes on if they ask for it.
     pub fn step(&mut self, inputs: &Inputs, effects: &mut Vec<Effect>) {
+        self.lost_since =
+            if inputs.has_position { None } else { self.lost_since.or(Some(inputs.now)) };
         if self.yields_to_others(inputs, effects) {
             return;
         }
@@ -177,9 +198,17 @@ impl Mission {
 
     fn step_preflight(&mut self, inputs: &Inputs, effects: &mut Vec<Effect>) {
         let waited = inputs.now.since(self.entered_at);
-        let vehicle_mode = inputs.vehicle.map(|v| v.mode);
+        let is_companion = inputs.vehicle.is_some_and(|v| v.mode == FlightMode::Companion);
         let is_armed = inputs.vehicle.is_some_and(|v| v.is_armed);
-        if is_armed && self.last_command.is_some_and(|(c, _)| c == VehicleCommand::Arm) {
+        if self.was_companion && !is_companion {
+            // Somebody has turned the mode switch: the start is theirs to repeat.
+            effects
+                .push(Effect::Say(Severity::Warning, "start called off: mode changed".to_owned()));
+            self.enter(Phase::Idle, "mode changed by somebody else", inputs.now, effects);
+            return;
+        }
+        self.was_companion |= is_companion;
+        if is_armed && is_companion && self.has_asked_to_arm {
             self.enter(Phase::TakeOff, "armed", inputs.now, effects);
             return;
         }
@@ -196,10 +225,9 @@ impl Mission {
         if fault.is_some() || waited < self.settings.stream_before_mode {
             return;
         }
-        let command = match vehicle_mode {
-            Some(FlightMode::Companion) => VehicleCommand::Arm,
-            _ => VehicleCommand::EnterCompanionMode,
-        };
+        self.has_asked_to_arm |= is_companion;
+        let command =
+            if is_companion { VehicleCommand::Arm } else { VehicleCommand::EnterCompanionMode };
         self.ask(command, inputs.now, effects);
     }
 
@@ -228,7 +256,7 @@ impl Mission {
             effects.push(Effect::Say(Severity::Warning, "LiDAR silent: holding".to_owned()));
             self.enter(Phase::Hold, "LiDAR lost", inputs.now, effects);
         } else if inputs.is_plan_done {
-            self.is_complete = true;
+            self.is_complete = inputs.is_plan_complete;
             self.enter(Phase::Return, "survey done", inputs.now, effects);
         }
     }
@@ -239,6 +267,13 @@ impl Mission {
         }
         if inputs.is_at_target {
             self.enter(Phase::Land, "over the pad", inputs.now, effects);
+        } else if inputs.is_trajectory_over {
+            let since = *self.stuck_since.get_or_insert(inputs.now);
+            if inputs.now.since(since) > self.settings.land_beside_pad_after {
+                let text = "cannot reach the pad: landing here".to_owned();
+                effects.push(Effect::Say(Severity::Warning, text));
+                self.enter(Phase::Land, "does not come over the pad", inputs.now, effects);
+            }
         }
     }
 
@@ -249,13 +284,16 @@ impl Mission {
         }
         if !inputs.has_position {
             self.recovered_since = None;
-            if waited > self.settings.land_after_fix_lost {
+            let is_gone = |since| inputs.now.since(since) > self.settings.land_after_fix_lost;
+            if self.lost_since.is_some_and(is_gone) {
                 effects.push(Effect::Say(Severity::Critical, "position lost: landing".to_owned()));
                 self.enter(Phase::Land, "position lost", inputs.now, effects);
             }
             return;
         }
-        if self.returns_on_battery(inputs, effects) {
+        // Somebody may stand on the way home: a hold asked for on it is kept.
+        let is_kept = self.hold_cause == HoldCause::Operator && self.resume_to == Phase::Return;
+        if !is_kept && self.returns_on_battery(inputs, effects) {
             return;
         }
         let is_recovered = match self.hold_cause {
@@ -306,13 +344,14 @@ impl Mission {
     }
 
     fn returns_on_battery(&mut self, inputs: &Inputs, effects: &mut Vec<Effect>) -> bool {
-        let is_low =
-            inputs.battery_ratio.is_some_and(|ratio| ratio < self.settings.return_battery_ratio);
-        if is_low {
-            effects.push(Effect::Say(Severity::Warning, "battery low: returning".to_owned()));
-            self.enter(Phase::Return, "battery low", inputs.now, effects);
-        }
-        is_low
+        let reason = match inputs.battery_ratio {
+            None => "battery unknown",
+            Some(ratio) if ratio < self.settings.return_battery_ratio => "battery low",
+            Some(_) => return false,
+        };
+        effects.push(Effect::Say(Severity::Warning, format!("{reason}: returning")));
+        self.enter(Phase::Return, reason, inputs.now, effects);
+        true
     }
 
     fn lands_on_battery(&mut self, inputs: &Inputs, effects: &mut Vec<Effect>) -> bool {
@@ -342,8 +381,11 @@ impl Mission {
         self.entered_at = now;
         self.last_command = None;
         self.recovered_since = None;
+        self.stuck_since = None;
         if to == Phase::Preflight {
             self.is_complete = false;
+            self.was_companion = false;
+            self.has_asked_to_arm = false;
         }
         effects.push(Effect::Enter { from, to, reason: reason.to_owned() });
         if to == Phase::Land {
@@ -368,6 +410,9 @@ mod tests {
             battery_ratio: Some(0.9),
             has_plan: true,
             is_plan_done: false,
+            is_plan_complete: true,
+            heading_error_rad: Some(0.1),
+            is_trajectory_over: false,
             is_at_target: false,
         }
     }
@@ -463,6 +508,92 @@ mod tests {
         assert_eq!(mission.phase(), Phase::Hold, "one good moment is not a recovery");
         mission.step(&flying(22.1), &mut effects);
         assert_eq!(mission.phase(), Phase::Survey);
+    }
+
+    #[test]
+    fn a_blink_late_in_a_hold_does_not_land() {
+        let mut mission = surveying();
+        let mut effects = Vec::new();
+        assert!(mission.on_operator(OperatorVerb::Hold, &flying(20.0), &mut effects));
+        mission.step(&flying(60.0), &mut effects);
+        mission.step(&Inputs { has_position: false, ..flying(61.0) }, &mut effects);
+        mission.step(&flying(62.0), &mut effects);
+        mission.step(&Inputs { has_position: false, ..flying(65.0) }, &mut effects);
+        assert_eq!(mission.phase(), Phase::Hold);
+        mission.step(&Inputs { has_position: false, ..flying(68.1) }, &mut effects);
+        assert_eq!(mission.phase(), Phase::Land);
+    }
+
+    #[test]
+    fn a_mode_switch_in_the_preflight_calls_the_start_off() {
+        let mut mission = Mission::new(Settings::default());
+        let mut effects = Vec::new();
+        mission.on_operator(OperatorVerb::Start, &inputs(0.0), &mut effects);
+        let on_ground = |seconds, mode| Inputs {
+            vehicle: Some(vehicle(false, mode, LandedState::OnGround)),
+            ..inputs(seconds)
+        };
+        mission.step(&on_ground(2.0, FlightMode::Pilot), &mut effects);
+        mission.step(&on_ground(3.0, FlightMode::Companion), &mut effects);
+        assert_eq!(mission.phase(), Phase::Preflight);
+        effects.clear();
+        mission.step(&on_ground(4.0, FlightMode::Pilot), &mut effects);
+        assert_eq!(mission.phase(), Phase::Idle);
+        for second in 5..30 {
+            mission.step(&on_ground(f64::from(second), FlightMode::Pilot), &mut effects);
+        }
+        assert!(!effects.iter().any(|e| matches!(e, Effect::Command(_))), "{effects:?}");
+    }
+
+    #[test]
+    fn a_start_can_be_called_off_by_the_operator() {
+        for verb in [OperatorVerb::Hold, OperatorVerb::Return, OperatorVerb::Land] {
+            let mut mission = Mission::new(Settings::default());
+            let mut effects = Vec::new();
+            mission.on_operator(OperatorVerb::Start, &inputs(0.0), &mut effects);
+            assert!(mission.on_operator(verb, &inputs(1.0), &mut effects));
+            assert_eq!(mission.phase(), Phase::Idle);
+        }
+    }
+
+    #[test]
+    fn a_hold_on_the_way_home_is_kept_in_spite_of_a_low_battery() {
+        let mut mission = surveying();
+        let mut effects = Vec::new();
+        let low = |seconds| Inputs { battery_ratio: Some(0.2), ..flying(seconds) };
+        mission.step(&low(20.0), &mut effects);
+        assert_eq!(mission.phase(), Phase::Return);
+        assert!(mission.on_operator(OperatorVerb::Hold, &low(21.0), &mut effects));
+        mission.step(&low(40.0), &mut effects);
+        assert_eq!(mission.phase(), Phase::Hold);
+        mission.step(&Inputs { battery_ratio: Some(0.1), ..flying(41.0) }, &mut effects);
+        assert_eq!(mission.phase(), Phase::Land);
+    }
+
+    #[test]
+    fn a_pad_that_cannot_be_reached_is_landed_beside() {
+        let mut mission = surveying();
+        let mut effects = Vec::new();
+        assert!(mission.on_operator(OperatorVerb::Return, &flying(20.0), &mut effects));
+        let beside = |seconds| Inputs { is_trajectory_over: true, ..flying(seconds) };
+        mission.step(&beside(30.0), &mut effects);
+        mission.step(&beside(39.0), &mut effects);
+        assert_eq!(mission.phase(), Phase::Return);
+        mission.step(&beside(40.1), &mut effects);
+        assert_eq!(mission.phase(), Phase::Land);
+    }
+
+    #[test]
+    fn a_survey_cut_short_by_the_planner_is_not_complete() {
+        let mut mission = surveying();
+        let mut effects = Vec::new();
+        let ran_out = Inputs { is_plan_done: true, is_plan_complete: false, ..flying(20.0) };
+        mission.step(&ran_out, &mut effects);
+        mission.step(&Inputs { is_at_target: true, ..flying(30.0) }, &mut effects);
+        let mut down = inputs(40.0);
+        down.vehicle = Some(vehicle(false, FlightMode::Land, LandedState::OnGround));
+        mission.step(&down, &mut effects);
+        assert_eq!(effects.last(), Some(&Effect::Ended { is_complete: false }));
     }
 
     #[test]

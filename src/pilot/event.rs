@@ -43,7 +43,7 @@ pub enum Event {
     },
 }
 
-/// Numbers the jobs of one flight from 0.
+/// Numbers the jobs since the brain's start from 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct JobId(pub u64);
 
@@ -120,9 +120,9 @@ pub struct FlightSummary {
     pub volume: VolumeEstimate,
     /// Where the beams went.
     pub hits: HitCounts,
-    /// Waypoints reached.
+    /// Waypoints whose time on the trajectory has passed.
     pub steps_done: usize,
-    /// Length of the path of the estimate from take-off to landing, m.
+    /// Length of the commanded path from take-off until the landing begins, m.
     pub path_length_m: f64,
     /// The survey ran to its end; false if it was cut short.
     pub is_complete: bool,

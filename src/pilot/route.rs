@@ -96,6 +96,15 @@ impl Route {
         self.ahead.is_empty() && (self.is_exhausted || self.steps_decided >= self.settings.n_steps)
     }
 
+    /// Every waypoint that was wished for is flown; false if the planner ran out of them.
+    pub(super) fn is_complete(&self) -> bool {
+        let wanted = match self.settings.planner {
+            PlannerKind::SquareWave => self.steps_decided,
+            PlannerKind::Greedy => self.settings.n_steps,
+        };
+        wanted > 0 && self.steps_done >= wanted
+    }
+
     pub(super) const fn steps_done(&self) -> usize {
         self.steps_done
     }

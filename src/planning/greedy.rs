@@ -11,7 +11,7 @@
 
 use super::free_space::{FreeSpace, Site};
 use super::{Settings, Waypoint};
-use crate::geometry::{Rotation, Transform};
+use crate::geometry::{Direction, Rotation, Transform};
 use crate::mapping::kalman_grid::KalmanGrid;
 use crate::mapping::projection::{LidarMount, project};
 use crate::messages::Beam;
@@ -88,12 +88,14 @@ impl ChooseWaypoint {
             .sum()
     }
 
-    /// Updates the belief by the scans from `a` (left out) to `b`.
+    /// Updates the belief by the scans from `a` (left out) to `b`; without a fix there, nothing is
+    /// learned.
     fn observe_way(&self, belief: &mut KalmanGrid, a: &Waypoint, b: &Waypoint) {
+        let Some(fix_cov) = self.free_space.nearest(b).and_then(|site| site.fix_cov) else {
+            return;
+        };
         let way_m = (*b - *a).coords.norm();
         let n_scans = (way_m / SCAN_SPACING_M).ceil().max(1.0);
-        let fix_cov =
-            self.free_space.nearest(b).and_then(|site| site.fix_cov).unwrap_or_else(Matrix6::zeros);
         let mut k = 1.0;
         while k <= n_scans {
             let place = Waypoint::from_coords(a.coords.lerp(&b.coords, k / n_scans));
@@ -102,14 +104,22 @@ impl ChooseWaypoint {
         }
     }
 
+    /// One predicted scan: the beams that meet the nominal surface inside the swath.
     fn observe_from(&self, belief: &mut KalmanGrid, place: &Waypoint, fix_cov: &Matrix6<f64>) {
         let pose =
             Transform::new(Rotation::from_euler_rad(0.0, 0.0, self.settings.yaw_rad), *place);
-        let drop_m = place.coords.z - self.settings.nominal_height_m;
-        let mut angle_rad = -self.settings.swath_half_angle_rad;
-        while angle_rad <= self.settings.swath_half_angle_rad {
-            let range_m = drop_m / angle_rad.cos();
-            if range_m <= self.lidar.max_range_m {
+        let sensor = pose * self.lidar.body_from_lidar;
+        let drop_m = sensor.origin.coords.z - self.settings.nominal_height_m;
+        let least_cos = self.settings.swath_half_angle_rad.cos();
+        let mut angle_rad = -std::f64::consts::PI;
+        while angle_rad < std::f64::consts::PI {
+            let along = sensor.rotation * Direction::new(angle_rad.cos(), angle_rad.sin(), 0.0);
+            let down = -along.coords.z;
+            let range_m = drop_m / down;
+            let returns = down >= least_cos
+                && (self.lidar.min_range_m..=self.lidar.max_range_m).contains(&range_m)
+                && !self.lidar.is_blind(angle_rad);
+            if returns {
                 #[expect(clippy::cast_possible_truncation, reason = "beams are single precision")]
                 let beam = Beam {
                     offset_ns: 0,

@@ -145,6 +145,10 @@ impl Brain {
     fn job_ended(&mut self, result: Result<(JobId, JobOutput), JoinError>) {
         match result {
             Ok((id, output)) => {
+                if matches!(output, JobOutput::Died) {
+                    self.status.stats.jobs_failed += 1;
+                    tracing::error!(?id, "a job died without a result");
+                }
                 let (at, output) = (self.clock.now(), Box::new(output));
                 self.events.push_back(Event::Finished { at, id, output });
             }
@@ -238,6 +242,7 @@ impl Brain {
         self.status.stats.link = self.session.stats();
         self.status.stats.transport = self.transport.stats();
         self.status.is_clock_known = self.session.is_clock_known();
+        self.status.stats = self.full_stats();
         self.warn_of_loss(now);
         if !self.warned_of_autopilots && self.status.stats.link.refused_autopilots > 0 {
             self.warned_of_autopilots = true;
@@ -248,7 +253,7 @@ impl Brain {
 
     fn warn_of_loss(&mut self, now: Stamp<Mono>) {
         let (warned_at, lost_before) = self.warned;
-        let lost = self.full_stats().lost();
+        let lost = self.status.stats.lost();
         if lost > lost_before && now.since(warned_at) >= WARN_EVERY {
             tracing::warn!(lost = lost - lost_before, stats = ?self.status.stats, "data was lost");
             self.warned = (now, lost);

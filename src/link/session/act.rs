@@ -4,7 +4,8 @@ use super::{Autopilot, Session, SessionOutput};
 use crate::link::dialect::{Dialect as _, Px4};
 use crate::link::{inbound, outbound};
 use crate::messages::{CommandOutcome, OperatorAnswer, VehicleCommand};
-use crate::pilot::{Action, Event};
+use crate::mission::Phase;
+use crate::pilot::{Action, Event, PhaseChange};
 use crate::time::{Mono, Stamp};
 use mavlink::dialects::ardupilotmega::{COMMAND_ACK_DATA, MavMessage, MavResult};
 
@@ -27,6 +28,10 @@ impl Session {
                 self.telemetry.say(line.severity, &line.text, &mut out.messages);
             }
             Action::Answer(answer) => out.messages.push(operator_ack(answer)),
+            // What is still unanswered must not be repeated over the pilot's head.
+            Action::PhaseChanged(PhaseChange { to: Phase::Abort | Phase::Idle, .. }) => {
+                self.commands.abandon(now, out);
+            }
             Action::Start { .. }
             | Action::PhaseChanged(_)
             | Action::FixTreated(_)

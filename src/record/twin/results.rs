@@ -87,6 +87,7 @@ struct HitCountsTwin {
     outside: u64,
     no_pose: u64,
     poor_pose: u64,
+    on_ground: u64,
 }
 
 #[derive(Serialize, JsonSchema)]
