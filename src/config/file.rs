@@ -350,7 +350,7 @@ impl Default for PlanningSection {
             swath_half_angle_deg: 50.0,
             min_fix_quality: 8.0,
             max_speed_mps: 2.0,
-            max_accel_mps2: 1.5,
+            max_accel_mps2: 2.0,
         }
     }
 }
