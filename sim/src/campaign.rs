@@ -8,11 +8,14 @@ use crate::judge::PoseJudge;
 use crate::lidar::TurnAssembler;
 use crate::operator::Operator;
 use crate::report::{Measured, RunReport};
-use crate::rig::Rig;
+use crate::rig::{Rig, RigOutput};
 use crate::scenario::Scenario;
+use mavlink::dialects::ardupilotmega::MavMessage;
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
+use stockpilot::config::ConfigError;
 use stockpilot::link::{Session, SessionOutput};
+use stockpilot::mission::Phase;
 use stockpilot::pilot::{Action, Event, FlightSummary, JobId, JobOutput, Pilot, TICK_RATE_HZ};
 use stockpilot::time::{Mono, Stamp};
 
@@ -26,7 +29,7 @@ const JOB_TIME: Duration = Duration::from_millis(100);
 pub enum CampaignError {
     /// The configuration does not fit.
     #[error(transparent)]
-    Config(#[from] stockpilot::config::ConfigError),
+    Config(#[from] ConfigError),
     /// Still in the air, or never left.
     #[error("seed {seed}: the flight has not ended after {limit_s} s; last words: {last_words:?}")]
     NoEnd {
@@ -39,9 +42,31 @@ pub enum CampaignError {
     },
 }
 
-/// The direct connection of brain and rig.
-struct DirectFlight {
-    rig: Rig,
+/// What a flight shows of itself while it goes on.
+#[derive(Debug, Clone, Copy)]
+pub enum Witnessed<'a> {
+    /// The brain wants something.
+    Action(&'a Action),
+    /// A message leaves for the autopilot.
+    ToAutopilot(&'a MavMessage),
+}
+
+/// What a tester may do to the sensors.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct SensorFaults {
+    /// Frames arrive without a tag.
+    pub is_camera_covered: bool,
+    /// No scan arrives.
+    pub is_lidar_silent: bool,
+}
+
+/// Brain and rig, connected directly.
+#[derive(Debug)]
+pub struct DirectFlight {
+    /// The true hall.
+    pub rig: Rig,
+    /// What is wrong with the sensors now.
+    pub faults: SensorFaults,
     operator: Operator,
     session: Session,
     /// What followed from messages after the last step's events were handed over.
@@ -52,42 +77,24 @@ struct DirectFlight {
     n_ticks: u64,
     jobs: VecDeque<(Stamp<Mono>, JobId, JobOutput)>,
     n_samples_sent: u64,
-    flight: Option<FlightSummary>,
+    summary: Option<FlightSummary>,
 }
 
-/// Flies one scenario from start to landing; `on_action` sees everything the brain wants, for traces.
+/// Flies one scenario from start to landing; `witness` sees all of it, for traces.
 ///
 /// # Errors
 /// A configuration that does not fit, or a flight without an end.
 pub fn run(
     scenario: &Scenario,
-    mut on_action: impl FnMut(Stamp<Mono>, &Action),
+    mut witness: impl FnMut(Stamp<Mono>, Witnessed<'_>),
 ) -> Result<RunReport, CampaignError> {
     let began = wall_clock();
-    let config = config(scenario, Devices::none());
-    let mut flight = DirectFlight {
-        rig: Rig::new(
-            scenario.world.clone(),
-            scenario.lidar.model(),
-            scenario.camera.clone(),
-            scenario.seed,
-        ),
-        operator: Operator::default(),
-        session: Session::new(config.link_settings()?),
-        answers: SessionOutput::default(),
-        pilot: Pilot::new(config.pilot_settings()?),
-        turns: TurnAssembler::default(),
-        poses: PoseJudge::default(),
-        n_ticks: 0,
-        jobs: VecDeque::new(),
-        n_samples_sent: 0,
-        flight: None,
-    };
+    let mut flight = DirectFlight::new(scenario)?;
     let limit = Stamp::ZERO.plus(LONGEST_FLIGHT);
-    while flight.flight.is_none() && flight.rig.now() < limit {
-        flight.step(&mut on_action);
+    while flight.summary.is_none() && flight.rig.now() < limit {
+        flight.step(&mut witness);
     }
-    let Some(summary) = flight.flight else {
+    let Some(summary) = flight.summary else {
         return Err(CampaignError::NoEnd {
             seed: scenario.seed,
             limit_s: LONGEST_FLIGHT.as_secs(),
@@ -112,8 +119,53 @@ fn wall_clock() -> Instant {
 }
 
 impl DirectFlight {
+    /// A vehicle on its pad, and a brain that has seen nothing yet.
+    ///
+    /// # Errors
+    /// A configuration that does not fit.
+    pub fn new(scenario: &Scenario) -> Result<Self, ConfigError> {
+        let config = config(scenario, Devices::none());
+        Ok(Self {
+            rig: Rig::new(
+                scenario.world.clone(),
+                scenario.lidar.model(),
+                scenario.camera.clone(),
+                scenario.seed,
+            ),
+            faults: SensorFaults::default(),
+            operator: Operator::default(),
+            session: Session::new(config.link_settings()?),
+            answers: SessionOutput::default(),
+            pilot: Pilot::new(config.pilot_settings()?),
+            turns: TurnAssembler::default(),
+            poses: PoseJudge::default(),
+            n_ticks: 0,
+            jobs: VecDeque::new(),
+            n_samples_sent: 0,
+            summary: None,
+        })
+    }
+
+    /// The brain's phase.
+    #[must_use]
+    pub const fn phase(&self) -> Phase {
+        self.pilot.phase()
+    }
+
+    /// What the flight came to, once it has ended.
+    #[must_use]
+    pub const fn summary(&self) -> Option<FlightSummary> {
+        self.summary
+    }
+
+    /// What the brain has said to the ground station.
+    #[must_use]
+    pub fn texts(&self) -> &[String] {
+        &self.operator.texts
+    }
+
     /// 5 ms of flight.
-    fn step(&mut self, on_action: &mut impl FnMut(Stamp<Mono>, &Action)) {
+    pub fn step(&mut self, witness: &mut impl FnMut(Stamp<Mono>, Witnessed<'_>)) {
         let output = self.rig.step();
         let now = self.rig.now();
         let mut out = std::mem::take(&mut self.answers);
@@ -121,11 +173,7 @@ impl DirectFlight {
             self.session.on_message(header, message, now, &mut out);
         }
         let mut events = std::mem::take(&mut out.events);
-        events.extend(output.frames.into_iter().map(Event::TagsSeen));
-        for packet in &output.packets {
-            self.n_samples_sent += packet.samples.len() as u64;
-            events.extend(self.turns.push(packet).map(Event::Scanned));
-        }
+        self.sense(output, &mut events);
         while self.jobs.front().is_some_and(|(due, ..)| *due <= now) {
             if let Some((at, id, output)) = self.jobs.pop_front() {
                 events.push(Event::Finished { at, id, output: Box::new(output) });
@@ -142,11 +190,48 @@ impl DirectFlight {
             self.pilot.step(event, &mut actions);
         }
         for action in actions {
-            on_action(now, &action);
-            self.act(action, now, &mut out);
+            witness(now, Witnessed::Action(&action));
+            self.session.on_action(&action, now, &mut out);
+            self.act(action, now);
         }
+        self.deliver(&out.messages, now, witness);
+        self.operator.step(now, self.rig.autopilot_mut());
+    }
+
+    /// What the sensors give, as events.
+    fn sense(&mut self, output: RigOutput, events: &mut Vec<Event>) {
+        for mut frame in output.frames {
+            if self.faults.is_camera_covered {
+                frame.tags.clear();
+            }
+            events.push(Event::TagsSeen(frame));
+        }
+        for packet in &output.packets {
+            self.n_samples_sent += packet.samples.len() as u64;
+            let turn = self.turns.push(packet).filter(|_| !self.faults.is_lidar_silent);
+            events.extend(turn.map(Event::Scanned));
+        }
+    }
+
+    fn act(&mut self, action: Action, now: Stamp<Mono>) {
+        match action {
+            Action::Start { id, job } => {
+                self.jobs.push_back((now.plus(JOB_TIME), id, job.run()));
+            }
+            Action::Ended(summary) => self.summary = Some(*summary),
+            _ => {}
+        }
+    }
+
+    fn deliver(
+        &mut self,
+        messages: &[MavMessage],
+        now: Stamp<Mono>,
+        witness: &mut impl FnMut(Stamp<Mono>, Witnessed<'_>),
+    ) {
         let header = self.session.header();
-        for message in &out.messages {
+        for message in messages {
+            witness(now, Witnessed::ToAutopilot(message));
             let vehicle = self.rig.vehicle();
             self.poses.hear(message, |at| vehicle.pose_at(at));
             self.rig.autopilot_mut().on_message(now, header, message);
@@ -154,18 +239,6 @@ impl DirectFlight {
         // Answers leave at once: half a step of delay would shift the clock offset by as much.
         for (header, message) in self.rig.autopilot_mut().take_outgoing() {
             self.session.on_message(&header, &message, now, &mut self.answers);
-        }
-        self.operator.step(now, self.rig.autopilot_mut());
-    }
-
-    fn act(&mut self, action: Action, now: Stamp<Mono>, out: &mut SessionOutput) {
-        self.session.on_action(&action, now, out);
-        match action {
-            Action::Start { id, job } => {
-                self.jobs.push_back((now.plus(JOB_TIME), id, job.run()));
-            }
-            Action::Ended(summary) => self.flight = Some(*summary),
-            _ => {}
         }
     }
 }

@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use stockpilot::messages::Verdict;
 use stockpilot::pilot::Action;
 use stockpilot::time::{Mono, Stamp};
-use stockpilot_sim::campaign;
+use stockpilot_sim::campaign::{self, Witnessed};
 use stockpilot_sim::fly::{self, FlyOptions};
 use stockpilot_sim::report::{CampaignReport, RunReport};
 use stockpilot_sim::scenario::ScenarioArgs;
@@ -142,8 +142,8 @@ fn trace(at: Stamp<Mono>, action: &Action) {
 fn run_campaign(args: &CampaignArgs) -> anyhow::Result<ExitCode> {
     let mut runs = Vec::new();
     for seed in args.seeds.clone() {
-        let run = campaign::run(&args.scenario.scenario(seed)?, |at, action| {
-            if args.trace {
+        let run = campaign::run(&args.scenario.scenario(seed)?, |at, seen| {
+            if let (true, Witnessed::Action(action)) = (args.trace, seen) {
                 trace(at, action);
             }
         })?;

@@ -106,17 +106,7 @@ impl Localizer {
     /// Takes in the tags of a frame; the record says what became of them.
     pub fn on_tags(&mut self, frame: &TagDetections) -> FixRecord {
         let at = frame.captured_at;
-        let mut record = FixRecord {
-            at,
-            age_s: frame.received_at.seconds_since(at),
-            n_tags: frame.tags.len(),
-            n_tags_used: 0,
-            fix: None,
-            innovation: None,
-            nis: None,
-            nis_gate: chi2_gate_99(6),
-            verdict: Verdict::NoKnownTag,
-        };
+        let mut record = FixRecord::of_frame(frame, chi2_gate_99(6), Verdict::NoKnownTag);
         let Some(camera) = self.settings.cameras.get(usize::from(frame.camera.0)) else {
             return record;
         };

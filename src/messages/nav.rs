@@ -1,5 +1,6 @@
 //! What the localisation says of the vehicle.
 
+use super::TagDetections;
 use crate::geometry::{Body, Direction, Hall, Transform};
 use crate::time::{Mono, Stamp};
 use nalgebra::{Matrix6, SMatrix, Vector3};
@@ -126,4 +127,22 @@ pub struct FixRecord {
     pub nis_gate: f64,
     /// What became of it.
     pub verdict: Verdict,
+}
+
+impl FixRecord {
+    /// The record of a frame of which nothing is known yet but its verdict so far.
+    #[must_use]
+    pub fn of_frame(frame: &TagDetections, nis_gate: f64, verdict: Verdict) -> Self {
+        Self {
+            at: frame.captured_at,
+            age_s: frame.received_at.seconds_since(frame.captured_at),
+            n_tags: frame.tags.len(),
+            n_tags_used: 0,
+            fix: None,
+            innovation: None,
+            nis: None,
+            nis_gate,
+            verdict,
+        }
+    }
 }

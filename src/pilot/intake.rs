@@ -32,19 +32,8 @@ pub(super) fn believes_scan(scan: &Scan, now: Stamp<Mono>) -> bool {
 
 /// The record of a frame that the filter must not see, if it must not.
 pub(super) fn refusal_of_frame(frame: &TagDetections, now: Stamp<Mono>) -> Option<FixRecord> {
-    let at = frame.captured_at;
-    let verdict = is_near(at, now).err()?;
-    Some(FixRecord {
-        at,
-        age_s: frame.received_at.seconds_since(at),
-        n_tags: frame.tags.len(),
-        n_tags_used: 0,
-        fix: None,
-        innovation: None,
-        nis: None,
-        nis_gate: chi2_gate_99(6),
-        verdict,
-    })
+    let verdict = is_near(frame.captured_at, now).err()?;
+    Some(FixRecord::of_frame(frame, chi2_gate_99(6), verdict))
 }
 
 fn is_near(at: Stamp<Mono>, now: Stamp<Mono>) -> Result<(), Verdict> {

@@ -3,13 +3,14 @@
 use crate::support::{Flight, short_survey};
 use stockpilot::mission::Phase;
 use stockpilot::pilot::Action;
-use stockpilot_sim::campaign;
+use stockpilot_sim::campaign::{self, Witnessed};
 use stockpilot_sim::report::RunReport;
 
 /// The report, and every action in the order of the flight.
 fn flown(seed: u64) -> (RunReport, Vec<String>) {
     let mut actions = Vec::new();
-    let report = campaign::run(&short_survey(seed, 1), |at, action| {
+    let report = campaign::run(&short_survey(seed, 1), |at, seen| {
+        let Witnessed::Action(action) = seen else { return };
         // Jobs and surfaces are long, and their volumes come in the reports.
         if !matches!(action, Action::Start { .. } | Action::SurfaceSolved(_)) {
             actions.push(format!("{at:?} {action:?}"));
@@ -45,15 +46,15 @@ fn a_short_survey_lands_by_itself_complete_and_twice_with_the_same_bits() {
 #[test]
 fn phases_follow_each_other_and_the_autopilot_stands_disarmed() {
     let mut flight = Flight::new(&short_survey(5, 3));
-    assert!(flight.run_until(240.0, |f| f.summary.is_some()), "{:?}", flight.changes);
-    let phases: Vec<Phase> = flight.changes.iter().map(|change| change.to).collect();
+    assert!(flight.run_until(240.0, |f| f.has_ended()), "{:?}", flight.seen.changes);
+    let phases: Vec<Phase> = flight.seen.changes.iter().map(|change| change.to).collect();
     let expected =
         [Phase::Preflight, Phase::TakeOff, Phase::Survey, Phase::Return, Phase::Land, Phase::Idle];
-    assert_eq!(phases, expected, "{:?}", flight.changes);
-    assert!(flight.rig.autopilot().is_landed() && !flight.rig.autopilot().is_armed());
+    assert_eq!(phases, expected, "{:?}", flight.seen.changes);
+    assert!(flight.direct.rig.autopilot().is_landed() && !flight.direct.rig.autopilot().is_armed());
     // Nothing flies by itself again.
-    let n_commands = flight.commands.len();
+    let n_commands = flight.seen.commands.len();
     flight.run(5.0);
     assert_eq!(flight.phase(), Phase::Idle);
-    assert_eq!(flight.commands.len(), n_commands);
+    assert_eq!(flight.seen.commands.len(), n_commands);
 }

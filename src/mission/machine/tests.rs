@@ -1,0 +1,242 @@
+//! Walks through the machine, and every way out of it.
+
+use super::*;
+use crate::messages::LandedState;
+use std::time::Duration;
+
+fn inputs(seconds: f64) -> Inputs {
+    Inputs {
+        now: Stamp::ZERO.plus(Duration::from_secs_f64(seconds)),
+        vehicle: Some(vehicle(false, FlightMode::Hold, LandedState::OnGround)),
+        is_autopilot_lost: false,
+        has_position: true,
+        has_lidar: true,
+        battery_ratio: Some(0.9),
+        has_plan: true,
+        is_plan_done: false,
+        is_plan_complete: true,
+        heading_error_rad: Some(0.1),
+        is_trajectory_over: false,
+        is_at_target: false,
+    }
+}
+
+fn vehicle(is_armed: bool, mode: FlightMode, landed: LandedState) -> VehicleState {
+    VehicleState { at: Stamp::ZERO, is_armed, mode, landed, in_failsafe: false }
+}
+
+fn flying(seconds: f64) -> Inputs {
+    Inputs {
+        vehicle: Some(vehicle(true, FlightMode::Companion, LandedState::InAir)),
+        ..inputs(seconds)
+    }
+}
+
+/// A mission that is in the survey at 10 s.
+fn surveying() -> Mission {
+    let mut mission = Mission::new(Settings::default());
+    let mut effects = Vec::new();
+    assert!(mission.on_operator(OperatorVerb::Start, &inputs(0.0), &mut effects));
+    mission.step(&inputs(2.0), &mut effects);
+    assert!(effects.contains(&Effect::Command(VehicleCommand::EnterCompanionMode)));
+    let mut ready = inputs(4.0);
+    ready.vehicle = Some(vehicle(false, FlightMode::Companion, LandedState::OnGround));
+    mission.step(&ready, &mut effects);
+    assert!(effects.contains(&Effect::Command(VehicleCommand::Arm)));
+    mission.step(&flying(5.0), &mut effects);
+    assert_eq!(mission.phase(), Phase::TakeOff);
+    mission.step(&Inputs { is_at_target: true, ..flying(10.0) }, &mut effects);
+    assert_eq!(mission.phase(), Phase::Survey);
+    mission
+}
+
+#[test]
+fn a_whole_flight_ends_complete_and_idle() {
+    let mut mission = surveying();
+    let mut effects = Vec::new();
+    mission.step(&Inputs { is_plan_done: true, ..flying(60.0) }, &mut effects);
+    assert_eq!(mission.phase(), Phase::Return);
+    mission.step(&Inputs { is_at_target: true, ..flying(70.0) }, &mut effects);
+    assert_eq!(mission.phase(), Phase::Land);
+    assert!(effects.contains(&Effect::Command(VehicleCommand::EnterLand)));
+    let mut down = inputs(80.0);
+    down.vehicle = Some(vehicle(false, FlightMode::Land, LandedState::OnGround));
+    mission.step(&down, &mut effects);
+    assert_eq!(mission.phase(), Phase::Idle);
+    assert_eq!(effects.last(), Some(&Effect::Ended { is_complete: true }));
+}
+
+#[test]
+fn the_pilots_mode_switch_ends_control_in_one_step_and_for_good() {
+    for verb in [None, Some(OperatorVerb::Hold)] {
+        let mut mission = surveying();
+        let mut effects = Vec::new();
+        if let Some(verb) = verb {
+            mission.on_operator(verb, &flying(11.0), &mut effects);
+        }
+        effects.clear();
+        let mut taken = flying(12.0);
+        taken.vehicle = Some(vehicle(true, FlightMode::Pilot, LandedState::InAir));
+        mission.step(&taken, &mut effects);
+        assert_eq!(mission.phase(), Phase::Abort);
+        assert!(!mission.phase().is_steering());
+        // Even if the mode comes back by itself, nothing is commanded.
+        effects.clear();
+        for second in 13..40 {
+            mission.step(&flying(f64::from(second)), &mut effects);
+        }
+        assert!(effects.is_empty(), "{effects:?}");
+        assert!(!mission.on_operator(OperatorVerb::Resume, &flying(41.0), &mut effects));
+    }
+}
+
+#[test]
+fn a_lost_fix_holds_then_lands() {
+    let mut mission = surveying();
+    let mut effects = Vec::new();
+    mission.step(&Inputs { has_position: false, ..flying(20.0) }, &mut effects);
+    assert_eq!(mission.phase(), Phase::Hold);
+    mission.step(&Inputs { has_position: false, ..flying(22.9) }, &mut effects);
+    assert_eq!(mission.phase(), Phase::Hold);
+    mission.step(&Inputs { has_position: false, ..flying(23.1) }, &mut effects);
+    assert_eq!(mission.phase(), Phase::Land);
+    assert_eq!(effects.last(), Some(&Effect::Command(VehicleCommand::EnterLand)));
+}
+
+#[test]
+fn a_fix_that_comes_back_goes_on_with_the_survey() {
+    let mut mission = surveying();
+    let mut effects = Vec::new();
+    mission.step(&Inputs { has_position: false, ..flying(20.0) }, &mut effects);
+    mission.step(&flying(21.0), &mut effects);
+    assert_eq!(mission.phase(), Phase::Hold, "one good moment is not a recovery");
+    mission.step(&flying(22.1), &mut effects);
+    assert_eq!(mission.phase(), Phase::Survey);
+}
+
+#[test]
+fn a_blink_late_in_a_hold_does_not_land() {
+    let mut mission = surveying();
+    let mut effects = Vec::new();
+    assert!(mission.on_operator(OperatorVerb::Hold, &flying(20.0), &mut effects));
+    mission.step(&flying(60.0), &mut effects);
+    mission.step(&Inputs { has_position: false, ..flying(61.0) }, &mut effects);
+    mission.step(&flying(62.0), &mut effects);
+    mission.step(&Inputs { has_position: false, ..flying(65.0) }, &mut effects);
+    assert_eq!(mission.phase(), Phase::Hold);
+    mission.step(&Inputs { has_position: false, ..flying(68.1) }, &mut effects);
+    assert_eq!(mission.phase(), Phase::Land);
+}
+
+#[test]
+fn a_mode_switch_in_the_preflight_calls_the_start_off() {
+    let mut mission = Mission::new(Settings::default());
+    let mut effects = Vec::new();
+    mission.on_operator(OperatorVerb::Start, &inputs(0.0), &mut effects);
+    let on_ground = |seconds, mode| Inputs {
+        vehicle: Some(vehicle(false, mode, LandedState::OnGround)),
+        ..inputs(seconds)
+    };
+    mission.step(&on_ground(2.0, FlightMode::Pilot), &mut effects);
+    mission.step(&on_ground(3.0, FlightMode::Companion), &mut effects);
+    assert_eq!(mission.phase(), Phase::Preflight);
+    effects.clear();
+    mission.step(&on_ground(4.0, FlightMode::Pilot), &mut effects);
+    assert_eq!(mission.phase(), Phase::Idle);
+    for second in 5..30 {
+        mission.step(&on_ground(f64::from(second), FlightMode::Pilot), &mut effects);
+    }
+    assert!(!effects.iter().any(|e| matches!(e, Effect::Command(_))), "{effects:?}");
+}
+
+#[test]
+fn a_start_can_be_called_off_by_the_operator() {
+    for verb in [OperatorVerb::Hold, OperatorVerb::Return, OperatorVerb::Land] {
+        let mut mission = Mission::new(Settings::default());
+        let mut effects = Vec::new();
+        mission.on_operator(OperatorVerb::Start, &inputs(0.0), &mut effects);
+        assert!(mission.on_operator(verb, &inputs(1.0), &mut effects));
+        assert_eq!(mission.phase(), Phase::Idle);
+    }
+}
+
+#[test]
+fn a_hold_on_the_way_home_is_kept_in_spite_of_a_low_battery() {
+    let mut mission = surveying();
+    let mut effects = Vec::new();
+    let low = |seconds| Inputs { battery_ratio: Some(0.2), ..flying(seconds) };
+    mission.step(&low(20.0), &mut effects);
+    assert_eq!(mission.phase(), Phase::Return);
+    assert!(mission.on_operator(OperatorVerb::Hold, &low(21.0), &mut effects));
+    mission.step(&low(40.0), &mut effects);
+    assert_eq!(mission.phase(), Phase::Hold);
+    mission.step(&Inputs { battery_ratio: Some(0.1), ..flying(41.0) }, &mut effects);
+    assert_eq!(mission.phase(), Phase::Land);
+}
+
+#[test]
+fn a_pad_that_cannot_be_reached_is_landed_beside() {
+    let mut mission = surveying();
+    let mut effects = Vec::new();
+    assert!(mission.on_operator(OperatorVerb::Return, &flying(20.0), &mut effects));
+    let beside = |seconds| Inputs { is_trajectory_over: true, ..flying(seconds) };
+    mission.step(&beside(30.0), &mut effects);
+    mission.step(&beside(39.0), &mut effects);
+    assert_eq!(mission.phase(), Phase::Return);
+    mission.step(&beside(40.1), &mut effects);
+    assert_eq!(mission.phase(), Phase::Land);
+}
+
+#[test]
+fn a_survey_cut_short_by_the_planner_is_not_complete() {
+    let mut mission = surveying();
+    let mut effects = Vec::new();
+    let ran_out = Inputs { is_plan_done: true, is_plan_complete: false, ..flying(20.0) };
+    mission.step(&ran_out, &mut effects);
+    mission.step(&Inputs { is_at_target: true, ..flying(30.0) }, &mut effects);
+    let mut down = inputs(40.0);
+    down.vehicle = Some(vehicle(false, FlightMode::Land, LandedState::OnGround));
+    mission.step(&down, &mut effects);
+    assert_eq!(effects.last(), Some(&Effect::Ended { is_complete: false }));
+}
+
+#[test]
+fn low_battery_returns_and_empty_battery_lands() {
+    let mut mission = surveying();
+    let mut effects = Vec::new();
+    mission.step(&Inputs { battery_ratio: Some(0.2), ..flying(20.0) }, &mut effects);
+    assert_eq!(mission.phase(), Phase::Return);
+    mission.step(&Inputs { battery_ratio: Some(0.1), ..flying(25.0) }, &mut effects);
+    assert_eq!(mission.phase(), Phase::Land);
+}
+
+#[test]
+fn preflight_names_what_is_missing_and_gives_up() {
+    let mut mission = Mission::new(Settings::default());
+    let mut effects = Vec::new();
+    mission.on_operator(OperatorVerb::Start, &inputs(0.0), &mut effects);
+    let blind = |seconds| Inputs { has_position: false, ..inputs(seconds) };
+    mission.step(&blind(10.0), &mut effects);
+    assert!(!effects.iter().any(|e| matches!(e, Effect::Command(_))));
+    mission.step(&blind(61.0), &mut effects);
+    assert_eq!(mission.phase(), Phase::Idle);
+    let said = effects
+        .iter()
+        .any(|e| matches!(e, Effect::Say(Severity::Error, text) if text.contains("markers")));
+    assert!(said, "{effects:?}");
+}
+
+#[test]
+fn wishes_are_idempotent_and_senseless_ones_refused() {
+    let mut mission = surveying();
+    let mut effects = Vec::new();
+    assert!(mission.on_operator(OperatorVerb::Start, &flying(11.0), &mut effects));
+    assert!(effects.is_empty());
+    assert!(mission.on_operator(OperatorVerb::Hold, &flying(12.0), &mut effects));
+    assert!(mission.on_operator(OperatorVerb::Hold, &flying(13.0), &mut effects));
+    assert_eq!(effects.len(), 1);
+    assert!(mission.on_operator(OperatorVerb::Resume, &flying(14.0), &mut effects));
+    assert_eq!(mission.phase(), Phase::Survey);
+    let mut idle = Mission::new(Settings::default());
+    assert!(!idle.on_operator(OperatorVerb::Land, &inputs(0.0), &mut effects));
+}
