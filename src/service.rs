@@ -25,9 +25,12 @@ pub use status::{ServiceStats, ServiceStatus};
 use crate::link::transport::Transport;
 use crate::link::{self, Session};
 use crate::pilot::{Event, Pilot};
+use crate::time::{Mono, Stamp};
 use brain::Brain;
 use clock::Clock;
 use std::net::SocketAddr;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicI64, Ordering};
 use tokio::sync::{mpsc, watch};
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
@@ -86,9 +89,10 @@ impl Service {
         let (status_tx, status) = watch::channel(ServiceStatus::default());
         let session = Session::new(link);
         let brain = Brain::new(pilot, session, clock, transport, recorder, status_tx);
+        let last_tick = brain.last_tick();
         let inputs = brain::Inputs { scans, tags };
         let task = tokio::spawn(brain.run(inputs, stop.clone()));
-        Ok(RunningService { status, stop, link_addr, task })
+        Ok(RunningService { status, last_tick, stop, link_addr, task })
     }
 }
 
@@ -96,6 +100,7 @@ impl Service {
 #[derive(Debug)]
 pub struct RunningService {
     status: watch::Receiver<ServiceStatus>,
+    last_tick: Arc<AtomicI64>,
     stop: CancellationToken,
     link_addr: Option<SocketAddr>,
     task: JoinHandle<ServiceStats>,
@@ -106,6 +111,12 @@ impl RunningService {
     #[must_use]
     pub fn status(&self) -> watch::Receiver<ServiceStatus> {
         self.status.clone()
+    }
+
+    /// When the brain ticked last: how far it has come, for whoever drives its clock.
+    #[must_use]
+    pub fn last_tick(&self) -> Stamp<Mono> {
+        Stamp::from_nanos(self.last_tick.load(Ordering::Relaxed))
     }
 
     /// The own address of a link by datagrams.

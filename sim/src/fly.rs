@@ -40,6 +40,11 @@ pub struct FlyOptions {
 const LONGEST_FLIGHT: Duration = Duration::from_secs(900);
 /// The rig moves by one inertial sample.
 const STEP: Duration = Duration::from_millis(5);
+/// The brain may be this much behind the simulation: two of its ticks.
+const LARGEST_LAG: Duration = Duration::from_millis(34);
+const POLL: Duration = Duration::from_micros(100);
+/// A brain that does not tick for five seconds is not waited for any longer.
+const LONGEST_WAIT_POLLS: u32 = 50_000;
 /// A line of progress comes this often, by the wall's clock.
 const PROGRESS_EVERY: Duration = Duration::from_millis(250);
 
@@ -198,6 +203,18 @@ impl Pace {
             std::thread::sleep(due.saturating_sub(elapsed));
         }
     }
+
+    /// Lets a service that falls behind catch up, so that a wished speed above what this machine
+    /// keeps up with slows the flight instead of losing ticks.
+    #[expect(clippy::disallowed_methods, reason = "paces the simulation against the service")]
+    fn wait_for_brain(&self, flight: Stamp<Mono>, onboard: &Onboard) {
+        for _ in 0..LONGEST_WAIT_POLLS {
+            if flight.since(onboard.last_tick()) <= LARGEST_LAG {
+                return;
+            }
+            std::thread::sleep(POLL);
+        }
+    }
 }
 
 struct Flight {
@@ -216,6 +233,7 @@ impl Flight {
         let mut next_progress = Stamp::ZERO;
         while self.rig.now() < limit {
             self.step()?;
+            self.pace.wait_for_brain(self.rig.now(), onboard);
             if let Some(summary) = status.borrow().flight {
                 return Ok(summary);
             }

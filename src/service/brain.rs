@@ -11,6 +11,8 @@ use crate::messages::Severity;
 use crate::pilot::{Action, Event, Job, JobId, JobOutput, Pilot};
 use crate::time::{Mono, Stamp};
 use std::collections::VecDeque;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicI64, Ordering};
 use std::time::Duration;
 use ticker::Ticker;
 use tokio::sync::{mpsc, watch};
@@ -53,6 +55,7 @@ pub(super) struct Brain {
     out: SessionOutput,
     status: ServiceStatus,
     status_tx: watch::Sender<ServiceStatus>,
+    last_tick: Arc<AtomicI64>,
     warned: (Stamp<Mono>, u64),
     warned_of_autopilots: bool,
 }
@@ -79,10 +82,16 @@ impl Brain {
             out: SessionOutput::default(),
             status: ServiceStatus::default(),
             status_tx,
+            last_tick: Arc::new(AtomicI64::new(now.nanos())),
             warned: (now, 0),
             warned_of_autopilots: false,
             clock,
         }
+    }
+
+    /// When the brain ticked last, ns of its clock.
+    pub(super) fn last_tick(&self) -> Arc<AtomicI64> {
+        Arc::clone(&self.last_tick)
     }
 
     /// Works until `stop` is cancelled, then ends everything in order.
@@ -131,6 +140,7 @@ impl Brain {
         self.status.stats.ticks_skipped += self.ticker.strike(now);
         self.status.stats.ticks += 1;
         self.events.push_back(Event::Ticked(now));
+        self.last_tick.store(now.nanos(), Ordering::Relaxed);
         if self.status.stats.ticks.is_multiple_of(TICKS_PER_STATUS) {
             self.show_status(now);
         }

@@ -145,6 +145,12 @@ impl Onboard {
         self.detections_addr
     }
 
+    /// When the brain ticked last.
+    #[must_use]
+    pub fn last_tick(&self) -> Stamp<Mono> {
+        self.service.last_tick()
+    }
+
     /// Where the log is written.
     #[must_use]
     pub fn log(&self) -> &Path {
