@@ -12,7 +12,9 @@
 //! | 4 | [`planning`] | where to look next, and how to get there |
 //! | 5 | [`mission`] | phases and guards |
 //! | 6 | [`pilot`] | the brain: one event in, actions out, no I/O |
-//! | 7–8 | feature `service` | configuration, links, drivers, log, tasks |
+//! | 7 | `link`, `lidar`, `camera`, `record` | feature `service`: the edges |
+//! | 8 | `config` | the file, checked and turned into the settings of all of them |
+//! | 9 | `service` | tasks, clock, supervision |
 
 pub mod units;
 

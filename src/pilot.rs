@@ -205,12 +205,6 @@ impl Pilot {
         self.mission.phase()
     }
 
-    /// The localisation, for displays and judges.
-    #[must_use]
-    pub const fn localizer(&self) -> &Localizer {
-        &self.localizer
-    }
-
     fn on_tick(&mut self, now: Stamp<Mono>, actions: &mut Vec<Action>) {
         self.now = now;
         self.n_ticks += 1;

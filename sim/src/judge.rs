@@ -11,7 +11,6 @@ pub struct PoseJudge {
     n_samples: u32,
     n_within_3_sigma: u32,
     squared_error_m2: f64,
-    worst_m: f64,
 }
 
 impl PoseJudge {
@@ -39,7 +38,6 @@ impl PoseJudge {
         self.n_samples += 1;
         self.n_within_3_sigma += u32::from(is_within);
         self.squared_error_m2 += error.norm_squared();
-        self.worst_m = self.worst_m.max(error.norm());
     }
 
     /// Share of the samples with all three axes inside their own 3σ.
@@ -52,11 +50,5 @@ impl PoseJudge {
     #[must_use]
     pub fn position_rms_m(&self) -> f64 {
         (self.squared_error_m2 / f64::from(self.n_samples.max(1))).sqrt()
-    }
-
-    /// The largest position error, m.
-    #[must_use]
-    pub const fn worst_m(&self) -> f64 {
-        self.worst_m
     }
 }

@@ -275,12 +275,6 @@ impl Localizer {
         Some(self.ring.as_ref()?.newest().at)
     }
 
-    /// The oldest instant with a known pose.
-    #[must_use]
-    pub fn oldest_at(&self) -> Option<Stamp<Mono>> {
-        Some(self.ring.as_ref()?.oldest_at())
-    }
-
     /// The largest position σ of the newest belief, m.
     #[must_use]
     pub fn position_sigma_m(&self) -> Option<f64> {
@@ -296,12 +290,6 @@ impl Localizer {
         };
         let is_fresh = now.since(fused_at) <= self.settings.lost_after;
         if is_fresh && sigma_m <= self.settings.lost_sigma_m { Health::Good } else { Health::Lost }
-    }
-
-    /// What the localisation was told before the flight.
-    #[must_use]
-    pub const fn settings(&self) -> &Settings {
-        &self.settings
     }
 }
 

@@ -11,7 +11,8 @@ use nalgebra::Vector3;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-/// Waypoints whose braking is looked after; from 15 m/s, 10 of them 2 m apart are enough at 10 m/s².
+/// Waypoints whose braking is looked after. The last of them counts as a stop, so fewer would only
+/// fly slower: 20 m of 2 m steps brake from 6 m/s at 2 m/s².
 const LOOK_AHEAD: usize = 10;
 
 /// Where the survey goes next, and the present piece of trajectory.

@@ -92,12 +92,6 @@ impl FreeSpace {
         let distance = |site: &&Site| (site.place - *place).coords.norm_squared();
         self.sites.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))
     }
-
-    /// All places.
-    #[must_use]
-    pub fn sites(&self) -> &[Site] {
-        &self.sites
-    }
 }
 
 /// Places at equal distance over the bounds, their border included.
