@@ -7,7 +7,9 @@ use super::ring::{Insertion, Ring};
 use super::vision_fix::{self, NoFix};
 use crate::geometry::{Body, Hall, Transform};
 use crate::messages::state::{ACCEL_BIAS, GYRO_BIAS, VEL};
-use crate::messages::{FixOutcome, FixRecord, ImuSample, NavEstimate, TagDetections, Verdict};
+use crate::messages::{
+    FixOutcome, FixRecord, ImuSample, NavEstimate, PoseError, TagDetections, Verdict,
+};
 use crate::stats::chi2_gate_99;
 use crate::time::{Mono, Stamp};
 use nalgebra::{Matrix6, Vector3, Vector6};
@@ -267,6 +269,24 @@ impl Localizer {
     #[must_use]
     pub fn pose_at(&self, at: Stamp<Mono>) -> Option<(Transform<Hall, Body>, Matrix6<f64>)> {
         self.ring.as_ref()?.pose_at(at)
+    }
+
+    /// The error of the pose at an instant of the ring, chained to the one at `previous`.
+    #[must_use]
+    pub fn pose_error_at(
+        &self,
+        at: Stamp<Mono>,
+        _previous: Option<Stamp<Mono>>,
+    ) -> Option<PoseError> {
+        let state = self.ring.as_ref()?.state_at(at)?;
+        Some(PoseError {
+            at,
+            cov: state.P,
+            from_previous: Covariance::zeros(),
+            velocity_mps: state.velocity_mps,
+            rate_radps: self.rate_radps(&state),
+            tags: Vec::new(),
+        })
     }
 
     /// The newest instant with a known pose.

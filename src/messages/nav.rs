@@ -3,7 +3,7 @@
 use super::TagDetections;
 use crate::geometry::{Body, Direction, Hall, Transform};
 use crate::time::{Mono, Stamp};
-use nalgebra::{Matrix6, SMatrix, Vector3};
+use nalgebra::{Matrix6, Matrix6x3, SMatrix, Vector3};
 
 /// Order and size of the error state, in one place.
 pub mod state {
@@ -67,6 +67,38 @@ impl NavEstimate {
     pub fn position_sigma_m(&self) -> Vector3<f64> {
         Vector3::from_fn(|axis, _| self.error_cov[(axis, axis)].max(0.0).sqrt())
     }
+}
+
+/// The error of the pose at one scan, and how the error at the scan before lives on in it.
+///
+/// ```text
+/// e_k = A_k e_{k−1} + new noise,   P_k = cov(e_k)
+/// ```
+#[derive(Debug, Clone, PartialEq)]
+pub struct PoseError {
+    /// When it is valid.
+    pub at: Stamp<Mono>,
+    /// `P_k`: covariance of the error state, 15×15 in the order of [`state`].
+    pub cov: SMatrix<f64, 15, 15>,
+    /// `A_k`: transition of the error state from the scan before; zero where nothing of it lives
+    /// on (the first scan, a reset, a gap longer than the filter remembers).
+    pub from_previous: SMatrix<f64, 15, 15>,
+    /// Velocity of the body in hall axes, m/s.
+    pub velocity_mps: Vector3<f64>,
+    /// Angular velocity in body axes with the bias removed, rad/s.
+    pub rate_radps: Vector3<f64>,
+    /// What an error in the place of each tag in view does to the pose.
+    pub tags: Vec<TagSensitivity>,
+}
+
+/// What an error in the mapped place of one tag does to the pose.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TagSensitivity {
+    /// Number of the tag in the order of the marker map.
+    pub tag_idx: usize,
+    /// Derivative of the pose (position in hall axes, attitude in body axes) by the tag's place
+    /// in the hall, 6×3.
+    pub pose_by_place: Matrix6x3<f64>,
 }
 
 /// What became of one attempt to fuse a measurement.
