@@ -13,7 +13,7 @@ mod vehicle;
 pub use budget::{BudgetRow, BudgetSource, SharedSensitivity, VolumeBudget};
 pub use camera::{CameraId, TagDetection, TagDetections, TagFamily};
 pub use imu::ImuSample;
-pub use map::{GridGeometry, HeightMap, HitCounts, VolumeEstimate};
+pub use map::{GridGeometry, HeightMap, HitCounts, VolumeAccount, VolumeEstimate, VolumeShares};
 pub use nav::{FixOutcome, FixRecord, NavEstimate, PoseError, TagSensitivity, Verdict, state};
 pub use operator::{
     OperatorAnswer, OperatorCommand, OperatorRequest, OperatorVerb, Severity, StatusText,

@@ -154,8 +154,8 @@ impl DirectFlight {
 
     /// What the flight came to, once it has ended.
     #[must_use]
-    pub const fn summary(&self) -> Option<FlightSummary> {
-        self.summary
+    pub const fn summary(&self) -> Option<&FlightSummary> {
+        self.summary.as_ref()
     }
 
     /// What the brain has said to the ground station.

@@ -234,7 +234,7 @@ impl Flight {
         while self.rig.now() < limit {
             self.step()?;
             self.pace.wait_for_brain(self.rig.now(), onboard);
-            if let Some(summary) = status.borrow().flight {
+            if let Some(summary) = status.borrow().flight.clone() {
                 return Ok(summary);
             }
             if options.shows_progress && self.rig.now() >= next_progress {

@@ -8,6 +8,7 @@ use std::path::PathBuf;
 use stockpilot::config::{
     CameraSection, Config, FilterSection, HallSection, LidarSection, LinkSection, LogSection,
     MissionSection, MountSection, PlanningSection, RectSection, SurfaceSection, TagSection,
+    UncertaintySection,
 };
 use stockpilot::geometry::{Body, Camera, Frame, Rotation, Transform};
 
@@ -51,6 +52,14 @@ pub fn config(scenario: &Scenario, devices: Devices) -> Config {
         filter: FilterSection::default(),
         surface: SurfaceSection {
             method: scenario.surface.config_name(),
+            uncertainty: UncertaintySection {
+                range_bias_sigma_m: 0.0,
+                range_scale_sigma: 0.0,
+                mount_position_sigma_m: 0.0,
+                mount_rotation_sigma_deg: 0.0,
+                clock_offset_sigma_ms: 0.0,
+                marker_sigma_m: 0.0,
+            },
             ..SurfaceSection::default()
         },
         planning: PlanningSection {

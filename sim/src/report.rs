@@ -4,6 +4,7 @@ use crate::judge::PoseJudge;
 use crate::rig::Rig;
 use crate::scenario::Scenario;
 use serde::Serialize;
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::time::Duration;
 use stockpilot::pilot::FlightSummary;
@@ -55,12 +56,14 @@ pub struct RunReport {
     pub coverage: f64,
     /// Share of the flight with the position error inside its 3σ.
     pub position_within_3_sigma: f64,
+    /// Share of each source in (σ^V)², by its name.
+    pub budget: BTreeMap<&'static str, f64>,
     /// Root mean square of the position error, m.
     pub position_rms_m: f64,
 }
 
 /// What only the runner knows.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct Measured {
     /// The flight's own summary.
     pub flight: FlightSummary,
@@ -103,10 +106,19 @@ impl RunReport {
             complete: measured.flight.is_complete,
             collided: rig.vehicle().collision().is_some(),
             coverage: volume.coverage_ratio,
+            budget: budget_shares(&measured.flight),
             position_within_3_sigma: measured.poses.within_3_sigma(),
             position_rms_m: measured.poses.position_rms_m(),
         }
     }
+}
+
+/// Share of each source in (σ^V)².
+fn budget_shares(flight: &FlightSummary) -> BTreeMap<&'static str, f64> {
+    let Some(account) = flight.accounts.first() else { return BTreeMap::new() };
+    let var_m6 = account.budget.var_m6();
+    let share = |var: f64| if var_m6 > 0.0 { var / var_m6 } else { 0.0 };
+    account.budget.rows.iter().map(|row| (row.source.name(), share(row.var_m6))).collect()
 }
 
 /// Many runs.

@@ -24,7 +24,7 @@ pub struct ScenarioArgs {
     #[arg(long, default_value_t = 0.001)]
     pub scale_z: f64,
     /// How the surface is kept.
-    #[arg(long, value_enum, default_value_t = Surface::KalmanGrid)]
+    #[arg(long, value_enum, default_value_t = Surface::MaternField)]
     pub surface: Surface,
     /// The LiDAR: 4,500 or 21,600 samples/s.
     #[arg(long, value_enum, default_value_t = Lidar::Ld19)]
@@ -48,6 +48,8 @@ pub enum Planner {
 pub enum Surface {
     /// The paper's height grid.
     KalmanGrid,
+    /// A Gauss–Markov field with the budget of all error sources.
+    MaternField,
 }
 
 /// Which LiDAR.
@@ -85,6 +87,7 @@ impl Surface {
     pub const fn config_name(self) -> SurfaceName {
         match self {
             Self::KalmanGrid => SurfaceName::KalmanGrid,
+            Self::MaternField => SurfaceName::MaternField,
         }
     }
 
@@ -93,6 +96,7 @@ impl Surface {
     pub const fn name(self) -> &'static str {
         match self {
             Self::KalmanGrid => "kalman-grid",
+            Self::MaternField => "matern-field",
         }
     }
 }
