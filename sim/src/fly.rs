@@ -64,12 +64,7 @@ pub fn run(scenario: &Scenario, options: &FlyOptions) -> anyhow::Result<RunRepor
     devices.connect(&onboard)?;
     let log = onboard.log().to_owned();
     let mut flight = Flight {
-        rig: Rig::new(
-            scenario.world.clone(),
-            scenario.lidar.model(),
-            scenario.camera.clone(),
-            scenario.seed,
-        ),
+        rig: scenario.rig(),
         operator: Operator::default(),
         poses: PoseJudge::default(),
         devices,
@@ -87,6 +82,7 @@ pub fn run(scenario: &Scenario, options: &FlyOptions) -> anyhow::Result<RunRepor
         beams_sent,
         beams_dropped,
         wall_time: flight.pace.began.elapsed(),
+        load: None,
     };
     Ok(RunReport::new(scenario, &flight.rig, &measured, Some(log)))
 }

@@ -2,7 +2,7 @@
 
 use super::error::ConfigError;
 use super::file::{
-    CameraSection, Config, MountSection, PlannerName, RectSection, SmoothnessName,
+    CameraSection, Config, MountSection, PlannerName, RectSection, SmoothnessName, SurfaceName,
     VarianceUpdateName, VolumeVarianceName,
 };
 use crate::geometry::{Body, Camera, Frame, Point, Rotation, Transform};
@@ -178,6 +178,9 @@ impl Config {
 
     fn mapping_settings(&self) -> Result<mapping::Settings, ConfigError> {
         let (s, hall) = (&self.surface, &self.hall);
+        if s.method == SurfaceName::MaternField {
+            return Err(invalid("surface.method", "matern-field is not available yet"));
+        }
         let bounds = rect("hall.region", &hall.region)?;
         let (width_m, depth_m) = bounds.size_m();
         let cell_m = within("surface.cell_m", s.cell_m, (0.05, 5.0), "m")?;

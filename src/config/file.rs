@@ -202,6 +202,8 @@ impl Default for FilterSection {
 pub enum SurfaceName {
     /// The paper's height grid.
     KalmanGrid,
+    /// A Matérn field over all beams.
+    MaternField,
 }
 
 /// Which law shrinks a cell's uncertainty.
