@@ -6,6 +6,7 @@
 
 use crate::lidar::LidarModel;
 use crate::world::PlacedTag;
+use clap::ValueEnum;
 use nalgebra::{Rotation3, Vector3};
 use stockpilot::geometry::{Hall, Point};
 use stockpilot::stats::SeedBook;
@@ -40,6 +41,21 @@ impl CalibrationSigmas {
         marker_sigma_m: 0.0,
         marker_rotation_sigma_deg: 0.0,
     };
+
+    /// These σ for the named sources, 0 for the others.
+    #[must_use]
+    pub fn only(&self, sources: &[ErrorSource]) -> Self {
+        let kept = |source, sigma: f64| if sources.contains(&source) { sigma } else { 0.0 };
+        Self {
+            range_bias_sigma_m: kept(ErrorSource::Range, self.range_bias_sigma_m),
+            range_scale_sigma: kept(ErrorSource::Range, self.range_scale_sigma),
+            mount_position_sigma_m: kept(ErrorSource::Mount, self.mount_position_sigma_m),
+            mount_rotation_sigma_deg: kept(ErrorSource::Mount, self.mount_rotation_sigma_deg),
+            clock_offset_sigma_ms: kept(ErrorSource::Clock, self.clock_offset_sigma_ms),
+            marker_sigma_m: kept(ErrorSource::Markers, self.marker_sigma_m),
+            marker_rotation_sigma_deg: kept(ErrorSource::Markers, self.marker_rotation_sigma_deg),
+        }
+    }
 }
 
 impl Default for CalibrationSigmas {
@@ -54,6 +70,19 @@ impl Default for CalibrationSigmas {
             marker_rotation_sigma_deg: 0.0,
         }
     }
+}
+
+/// What may be wrong with a calibration.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum ErrorSource {
+    /// Bias and scale of the ranges.
+    Range,
+    /// Place and direction of the LiDAR on the body.
+    Mount,
+    /// Stamps of the LiDAR.
+    Clock,
+    /// The map of the markers.
+    Markers,
 }
 
 /// The errors of one run.
@@ -175,6 +204,19 @@ mod tests {
                 assert!((product - expected).abs() < 4.5 * error, "numbers {a}, {b}: {product}");
             }
         }
+    }
+
+    #[test]
+    fn one_source_alone_draws_the_same_as_among_all() {
+        let all = CalibrationSigmas::default();
+        let drawn =
+            |sigmas: &CalibrationSigmas| CalibrationErrors::drawn(sigmas, 3, SeedBook::new(5));
+        let clock = drawn(&all.only(&[ErrorSource::Clock]));
+        assert!((clock.clock_offset_s - drawn(&all).clock_offset_s).abs() < 1e-15);
+        let exact = CalibrationErrors { clock_offset_s: 0.0, ..clock };
+        assert_eq!(exact, drawn(&CalibrationSigmas::NONE));
+        assert_eq!(all.only(&[]), CalibrationSigmas::NONE);
+        assert_eq!(all.only(ErrorSource::value_variants()), all);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! What is flown: world, planner, sensors and seeds of one run.
 
-use crate::calibration::{CalibrationErrors, CalibrationSigmas};
+use crate::calibration::{CalibrationErrors, CalibrationSigmas, ErrorSource};
 use crate::camera::CameraModel;
 use crate::hazards::Hazards;
 use crate::lidar::LidarModel;
@@ -43,10 +43,18 @@ pub struct ScenarioArgs {
     /// Largest speed of the survey, m/s; the service's own default if left out.
     #[arg(long, value_name = "M_PER_S")]
     pub cruise_mps: Option<f64>,
-    /// Each run draws errors of range, mounting, clock and marker map from their σ, and the service
-    /// is told these σ.
-    #[arg(long)]
-    pub draw_errors: bool,
+    /// Each run draws errors of calibration from their σ, and the service is told these σ: of all
+    /// sources, or of those named after `=`.
+    #[arg(
+        long,
+        value_enum,
+        value_name = "SOURCES",
+        value_delimiter = ',',
+        num_args = 0..,
+        require_equals = true,
+        default_missing_value = "range,mount,clock,markers"
+    )]
+    pub draw_errors: Vec<ErrorSource>,
     /// Slopes of alps and piles times this; the service is told of the slopes.
     #[arg(long, value_name = "TIMES", default_value_t = 1.0)]
     pub steepness: f64,
@@ -266,16 +274,10 @@ impl ScenarioArgs {
     }
 
     fn conditions(&self, world: &World, seed: u64) -> Conditions {
-        let (sigmas, errors) = if self.draw_errors {
-            let sigmas = CalibrationSigmas::default();
-            let n_markers = world.tags.len();
-            (sigmas, CalibrationErrors::drawn(&sigmas, n_markers, SeedBook::new(seed)))
-        } else {
-            (CalibrationSigmas::NONE, CalibrationErrors::default())
-        };
+        let sigmas = CalibrationSigmas::default().only(&self.draw_errors);
         Conditions {
             sigmas,
-            errors,
+            errors: CalibrationErrors::drawn(&sigmas, world.tags.len(), SeedBook::new(seed)),
             steepness: self.steepness,
             marker_noise: self.marker_noise,
             hazards: self.hazards,
