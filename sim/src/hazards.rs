@@ -30,8 +30,8 @@ pub struct Hazards {
 impl Hazards {
     /// The sensor with these hazards in its beams.
     #[must_use]
-    pub fn applied_to(&self, lidar: LidarModel) -> LidarModel {
+    pub fn applied_to(&self, lidar: &LidarModel) -> LidarModel {
         let half_width_rad = if self.mixes_pixels { HALF_WIDTH_RAD } else { lidar.half_width_rad };
-        LidarModel { dust_ratio: self.dust_ratio, half_width_rad, ..lidar }
+        LidarModel { dust_ratio: self.dust_ratio, half_width_rad, ..lidar.clone() }
     }
 }

@@ -13,6 +13,7 @@ pub mod hall;
 pub mod hazards;
 pub mod judge;
 pub mod lidar;
+pub mod load;
 pub mod machine;
 pub mod operator;
 pub mod parallel;

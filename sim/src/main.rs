@@ -123,6 +123,13 @@ fn print_run(run: &RunReport) {
         "beams    {} sent, {} mapped, {} dropped",
         run.beams_sent, run.beams, run.beams_dropped
     );
+    if let Some(load) = &run.load {
+        println!(
+            "service  {:.1} % of one core at real time, with the simulator {:.0} MiB at most",
+            100.0 * load.core_share,
+            load.resident_peak_mib,
+        );
+    }
     if let Some(log) = &run.log {
         println!("log      {}", log.display());
     }

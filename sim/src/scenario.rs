@@ -240,7 +240,7 @@ impl Scenario {
     #[must_use]
     pub fn rig(&self) -> Rig {
         let Conditions { errors, hazards, .. } = &self.conditions;
-        let lidar = hazards.applied_to(errors.true_lidar(&self.lidar.model()));
+        let lidar = hazards.applied_to(&errors.true_lidar(&self.lidar.model()));
         let rig = Rig::new(self.world.clone(), lidar, self.camera.clone(), self.seed);
         if hazards.has_machine {
             rig.with_machine(Machine::drawn(&self.world, SeedBook::new(self.seed)))

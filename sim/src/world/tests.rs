@@ -135,18 +135,23 @@ fn worlds_of_different_seeds_differ_in_volume_and_in_where_the_heaps_lie() {
     }
 }
 
+/// Nodes along x.
+fn n_cols(world: &World) -> usize {
+    height_field::index_from(world.region.length_m() / world.terrain.pitch_m() + 0.5) + 1
+}
+
 /// Where the highest node lies, m.
 fn top_m(world: &World) -> [f64; 2] {
     let heights = world.terrain.heights_m();
     let top = (0..heights.len()).max_by(|a, b| heights[*a].total_cmp(&heights[*b])).unwrap();
-    let n_cols = (world.region.length_m() / world.terrain.pitch_m()).round() as usize + 1;
+    let n_cols = n_cols(world);
     [(top % n_cols) as f64, (top / n_cols) as f64].map(|cells| cells * world.terrain.pitch_m())
 }
 
 /// Root mean square of the slope along x where material lies.
 fn rms_slope(world: &World) -> f64 {
     let heights = world.terrain.heights_m();
-    let n_cols = (world.region.length_m() / world.terrain.pitch_m()).round() as usize + 1;
+    let n_cols = n_cols(world);
     let slopes: Vec<f64> = heights
         .chunks_exact(n_cols)
         .flat_map(|row| row.windows(2).filter(|pair| pair[0].min(pair[1]) > 0.3))
