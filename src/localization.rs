@@ -15,5 +15,6 @@ pub mod vision_fix;
 
 mod localizer;
 mod planar_pose;
+mod propagation;
 
 pub use localizer::{Health, Localizer, Settings};
