@@ -95,8 +95,9 @@ impl FilterState {
             return self.clone();
         }
         let step = Step::new(self, imu, dt);
-        let position =
-            self.hall_from_body.origin.coords + self.velocity_mps * dt + step.accel * (0.5 * dt * dt);
+        let position = self.hall_from_body.origin.coords
+            + self.velocity_mps * dt
+            + step.accel * (0.5 * dt * dt);
         let rotation = self.hall_from_body.rotation.perturbed(&step.turn);
         Self {
             at: until,

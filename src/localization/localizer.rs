@@ -59,6 +59,8 @@ pub struct Localizer {
     last_fused_at: Option<Stamp<Mono>>,
     gated: GatedStreak,
     reset_counter: u8,
+    /// The newest sample when the present ring began.
+    began_at: Option<Stamp<Mono>>,
 }
 
 /// Fixes in a row that the gate refused although they agree with each other.
@@ -88,6 +90,7 @@ impl Localizer {
             last_fused_at: None,
             gated: GatedStreak::default(),
             reset_counter: 0,
+            began_at: None,
         }
     }
 
@@ -236,6 +239,7 @@ impl Localizer {
         let mut ring = Ring::new(state, last_imu, self.settings.imu_noise, self.settings.ring_span);
         ring.push_imu(last_imu);
         self.ring = Some(ring);
+        self.began_at = Some(last_imu.at);
         self.last_fused_at = Some(at);
         self.gated = GatedStreak::default();
         self.rest.clear();
@@ -271,18 +275,25 @@ impl Localizer {
         self.ring.as_ref()?.pose_at(at)
     }
 
-    /// The error of the pose at an instant of the ring, chained to the one at `previous`.
+    /// The error of the pose at an instant of the ring, chained to the one at `previous`: the
+    /// instant of the scan before. Both hold as long as no frame captured before `at` arrives.
     #[must_use]
     pub fn pose_error_at(
         &self,
         at: Stamp<Mono>,
-        _previous: Option<Stamp<Mono>>,
+        previous: Option<Stamp<Mono>>,
     ) -> Option<PoseError> {
-        let state = self.ring.as_ref()?.state_at(at)?;
+        let ring = self.ring.as_ref()?;
+        let state = ring.state_at(at)?;
+        // A pose from before a restart came from another filter: nothing of its error lives on.
+        let from_previous = previous
+            .filter(|previous| self.began_at.is_none_or(|began| *previous > began))
+            .and_then(|previous| ring.error_transition(previous, at))
+            .unwrap_or_else(Covariance::zeros);
         Some(PoseError {
             at,
             cov: state.P,
-            from_previous: Covariance::zeros(),
+            from_previous,
             velocity_mps: state.velocity_mps,
             rate_radps: self.rate_radps(&state),
             tags: Vec::new(),

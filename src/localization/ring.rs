@@ -2,8 +2,9 @@
 //!
 //! Every entry holds the state after it. A fix that arrives late is put in its place, and all
 //! later entries are computed again; so the result does not depend on the order of arrival.
+#![expect(non_snake_case, reason = "matrices carry the letters of the equations")]
 
-use super::filter::{FilterState, ImuNoise, Innovation};
+use super::filter::{Covariance, FilterState, Gain, ImuNoise, Innovation};
 use crate::geometry::{Body, Hall, Point, Transform};
 use crate::messages::{FixOutcome, ImuSample};
 use crate::time::{Mono, Stamp};
@@ -22,6 +23,8 @@ struct Entry {
     input: Input,
     /// The state after this input; its stamp orders the entries.
     state: FilterState,
+    /// What the input's update did to the error, if it was fused.
+    gain: Option<Box<Gain>>,
 }
 
 /// States and inputs of the last second, in order of time.
@@ -50,7 +53,7 @@ impl Ring {
     /// A ring that starts with this state.
     #[must_use]
     pub fn new(start: FilterState, last_imu: ImuSample, noise: ImuNoise, span: Duration) -> Self {
-        let first = Entry { input: Input::Imu(last_imu), state: start };
+        let first = Entry { input: Input::Imu(last_imu), state: start, gain: None };
         Self { entries: VecDeque::from([first]), span, noise }
     }
 
@@ -79,7 +82,7 @@ impl Ring {
         let place = self.entries.partition_point(|entry| entry.state.at <= imu.at);
         let first_fix = self.entries.iter().rposition(is_imu).map_or(place, |last| last + 1);
         let state = self.entries[place - 1].state.propagated(&imu, imu.at, &self.noise);
-        self.entries.insert(place, Entry { input: Input::Imu(imu), state });
+        self.entries.insert(place, Entry { input: Input::Imu(imu), state, gain: None });
         if first_fix < place || place + 1 < self.entries.len() {
             self.recompute_from(first_fix);
         }
@@ -101,11 +104,9 @@ impl Ring {
         let imu = self.imu_in_force(place);
         let mut state = self.entries[place - 1].state.propagated(&imu, at, &self.noise);
         let innovation = state.innovation(&fix);
-        if innovation.is_within_gate() {
-            state.fuse(&fix, &innovation);
-        }
+        let gain = fused(&mut state, &fix, &innovation);
         // A refused fix stays too: another that arrives later may lie before it and speak for it.
-        self.entries.insert(place, Entry { input: Input::Fix(Box::new(fix)), state });
+        self.entries.insert(place, Entry { input: Input::Fix(Box::new(fix)), state, gain });
         self.recompute_from(place + 1);
         Insertion::Placed(innovation)
     }
@@ -142,6 +143,35 @@ impl Ring {
         Some(self.entries[place - 1].state.propagated(&self.imu_in_force(place), at, &self.noise))
     }
 
+    /// How the error at `from` lives on in the error at `to`; `None` if either is outside the ring
+    /// or they are out of order.
+    ///
+    /// ```text
+    /// e(to) = A e(from) + new noise,   A = Π (I − U H) Φ over the entries in between
+    /// ```
+    /// An instant between two entries is reached from the entry before it, as by
+    /// [`Self::state_at`]. Checked: `transition_matches_a_cloned_error`.
+    #[must_use]
+    pub fn error_transition(&self, from: Stamp<Mono>, to: Stamp<Mono>) -> Option<Covariance> {
+        if to < from || to > self.newest().at.plus(FUTURE_TOLERANCE) {
+            return None;
+        }
+        let start = self.state_at(from)?;
+        let first = self.entries.partition_point(|entry| entry.state.at <= from);
+        let end = self.entries.partition_point(|entry| entry.state.at <= to);
+        let mut before = &start;
+        let mut A = Covariance::identity();
+        for place in first..end {
+            let entry = &self.entries[place];
+            A = before.transition(&self.imu_in_force(place), entry.state.at).times(&A);
+            if let Some(gain) = &entry.gain {
+                gain.apply(&mut A);
+            }
+            before = &entry.state;
+        }
+        Some(before.transition(&self.imu_in_force(end), to).times(&A))
+    }
+
     /// The sample that covers the time just before entry `place`: the next one, else the last.
     fn imu_in_force(&self, place: usize) -> ImuSample {
         let imu_of = |entry: &Entry| match &entry.input {
@@ -162,15 +192,19 @@ impl Ring {
             let imu = self.imu_in_force(place);
             let at = self.entries[place].state.at;
             let mut state = self.entries[place - 1].state.propagated(&imu, at, &self.noise);
-            if let Input::Fix(fix) = &self.entries[place].input {
+            let entry = &mut self.entries[place];
+            if let Input::Fix(fix) = &entry.input {
                 let innovation = state.innovation(fix);
-                if innovation.is_within_gate() {
-                    state.fuse(fix, &innovation);
-                }
+                entry.gain = fused(&mut state, fix, &innovation);
             }
-            self.entries[place].state = state;
+            entry.state = state;
         }
     }
+}
+
+/// Fuses a fix within its gate.
+fn fused(state: &mut FilterState, fix: &FixOutcome, innovation: &Innovation) -> Option<Box<Gain>> {
+    innovation.is_within_gate().then(|| state.fuse(fix, innovation).map(Box::new)).flatten()
 }
 
 fn pose_cov(state: &FilterState) -> Matrix6<f64> {
@@ -178,122 +212,4 @@ fn pose_cov(state: &FilterState) -> Matrix6<f64> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::geometry::Rotation;
-    use crate::localization::filter::Covariance;
-    use crate::stats::SeedBook;
-    use nalgebra::Vector3;
-
-    fn at_ms(ms: i64) -> Stamp<Mono> {
-        Stamp::from_nanos(ms * 1_000_000)
-    }
-
-    fn ring() -> Ring {
-        let start = FilterState {
-            at: at_ms(0),
-            hall_from_body: Transform::new(
-                Rotation::from_euler_rad(0.1, -0.05, 0.8),
-                Point::new(1.0, 2.0, 3.0),
-            ),
-            velocity_mps: Vector3::new(0.5, -0.2, 0.1),
-            gyro_bias_radps: Vector3::zeros(),
-            accel_bias_mps2: Vector3::zeros(),
-            P: Covariance::identity() * 0.01,
-        };
-        Ring::new(start, imu(0), ImuNoise::default(), Duration::from_secs(1))
-    }
-
-    fn imu(ms: i64) -> ImuSample {
-        let phase = Stamp::<Mono>::from_nanos(ms * 1_000_000).seconds() * 3.0;
-        ImuSample {
-            at: at_ms(ms),
-            accel_mps2: Vector3::new(phase.sin(), 0.3, 9.8 + 0.2 * phase.cos()),
-            gyro_radps: Vector3::new(0.1, -0.2, phase.cos() * 0.3),
-        }
-    }
-
-    fn fix(noise: &mut crate::stats::Noise) -> FixOutcome {
-        let pose = Transform::<Hall, Body>::new(
-            Rotation::from_euler_rad(0.1, -0.05, 0.8),
-            Point::new(1.0, 2.0, 3.0),
-        );
-        FixOutcome {
-            hall_from_body: pose.perturbed(&(noise.normal3() * 0.02), &(noise.normal3() * 0.01)),
-            pose_cov: Matrix6::identity() * 0.01,
-            residual_rms_px: 0.3,
-            q_pos: 10.0,
-        }
-    }
-
-    #[test]
-    fn order_of_arrival_does_not_matter() {
-        let mut noise = SeedBook::new(4).stream("fixes");
-        let (early, late) = (fix(&mut noise), fix(&mut noise));
-        let run = |in_order: bool| {
-            let mut ring = ring();
-            for step in 1..=60 {
-                ring.push_imu(imu(step * 5));
-                if in_order && step == 21 {
-                    ring.insert_fix(at_ms(103), early.clone());
-                }
-                if in_order && step == 31 {
-                    ring.insert_fix(at_ms(151), late.clone());
-                }
-            }
-            if !in_order {
-                ring.insert_fix(at_ms(151), late.clone());
-                ring.insert_fix(at_ms(103), early.clone());
-            }
-            ring.newest().clone()
-        };
-        let (a, b) = (run(true), run(false));
-        assert!((a.P - b.P).norm() < 1e-12);
-        assert!((a.hall_from_body.origin - b.hall_from_body.origin).coords.norm() < 1e-12);
-    }
-
-    #[test]
-    fn a_fix_ahead_of_the_samples_does_not_shadow_them() {
-        let fix = fix(&mut SeedBook::new(6).stream("fix"));
-        let run = |fix_after_ms: i64| {
-            let mut ring = ring();
-            for step in 1..=60 {
-                ring.push_imu(imu(step * 5));
-                if step * 5 == fix_after_ms {
-                    ring.insert_fix(at_ms(112), fix.clone());
-                }
-            }
-            ring.newest().clone()
-        };
-        let (early, in_time) = (run(100), run(115));
-        assert!((early.P - in_time.P).norm() < 1e-12);
-        let apart = early.hall_from_body.origin - in_time.hall_from_body.origin;
-        assert!(apart.coords.norm() < 1e-12);
-    }
-
-    #[test]
-    fn fixes_outside_the_ring_are_refused_and_change_nothing() {
-        let mut ring = ring();
-        for step in 1..=400 {
-            ring.push_imu(imu(step * 5));
-        }
-        let before = ring.newest().clone();
-        let fix = fix(&mut SeedBook::new(1).stream("fix"));
-        assert_eq!(ring.insert_fix(at_ms(500), fix.clone()), Insertion::TooOld);
-        assert_eq!(ring.insert_fix(at_ms(2_500), fix), Insertion::FromTheFuture);
-        assert_eq!(*ring.newest(), before);
-    }
-
-    #[test]
-    fn interpolated_pose_lies_between_its_neighbours() {
-        let mut ring = ring();
-        for step in 1..=20 {
-            ring.push_imu(imu(step * 5));
-        }
-        let (pose, _) = ring.pose_at(at_ms(52)).expect("inside");
-        let exact = ring.state_at(at_ms(52)).expect("inside");
-        // Over 5 ms the straight line and the propagated arc differ by a·dt²/8 = 4e-6 m.
-        assert!((pose.origin - exact.hall_from_body.origin).coords.norm() < 1e-4);
-        assert!(ring.pose_at(at_ms(101)).is_none());
-    }
-}
+mod tests;

@@ -4,9 +4,10 @@
 //! future would put the filter there, where it refuses everything that follows; a force that no
 //! accelerometer can show would fill it with infinities.
 
-use crate::messages::{FixRecord, ImuSample, Scan, TagDetections, Verdict};
+use crate::messages::{CameraId, FixRecord, ImuSample, Scan, TagDetections, Verdict};
 use crate::stats::chi2_gate_99;
 use crate::time::{Mono, Stamp};
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 /// Samples may be this much newer than the last tick: the brain can fall behind, clocks differ.
@@ -34,6 +35,29 @@ pub(super) fn believes_scan(scan: &Scan, now: Stamp<Mono>) -> bool {
 pub(super) fn refusal_of_frame(frame: &TagDetections, now: Stamp<Mono>) -> Option<FixRecord> {
     let verdict = is_near(frame.captured_at, now).err()?;
     Some(FixRecord::of_frame(frame, chi2_gate_99(6), verdict))
+}
+
+/// Which frames can still come.
+#[derive(Debug, Clone, Default)]
+pub(super) struct FrameWatch {
+    /// The newest treated frame of each camera that was ever heard.
+    newest: BTreeMap<CameraId, Stamp<Mono>>,
+}
+
+impl FrameWatch {
+    /// Remembers a treated frame.
+    pub(super) fn note(&mut self, frame: &TagDetections, verdict: Verdict) {
+        // A stamp ahead of all samples would say that no frame is expected for a while.
+        if verdict != Verdict::FromTheFuture {
+            let newest = self.newest.entry(frame.camera).or_insert(frame.captured_at);
+            *newest = frame.captured_at.max(*newest);
+        }
+    }
+
+    /// True once every camera has delivered a frame captured at `at` or later.
+    pub(super) fn have_passed(&self, at: Stamp<Mono>) -> bool {
+        self.newest.values().all(|newest| *newest >= at)
+    }
 }
 
 fn is_near(at: Stamp<Mono>, now: Stamp<Mono>) -> Result<(), Verdict> {
@@ -73,11 +97,30 @@ mod tests {
     }
 
     #[test]
+    fn scans_wait_for_every_camera_that_was_heard() {
+        let frame = |camera: u8, captured_at| TagDetections {
+            captured_at,
+            received_at: captured_at,
+            camera: CameraId(camera),
+            tags: Vec::new(),
+        };
+        let mut watch = FrameWatch::default();
+        assert!(watch.have_passed(at_s(1)), "no camera, nothing to wait for");
+        watch.note(&frame(0, at_s(10)), Verdict::Fused);
+        watch.note(&frame(1, at_s(9)), Verdict::NoKnownTag);
+        assert!(watch.have_passed(at_s(9)) && !watch.have_passed(at_s(10)));
+        // A late frame and one from the future move nothing.
+        watch.note(&frame(1, at_s(8)), Verdict::TooOld);
+        watch.note(&frame(1, at_s(90)), Verdict::FromTheFuture);
+        assert!(watch.have_passed(at_s(9)) && !watch.have_passed(at_s(10)));
+    }
+
+    #[test]
     fn a_refused_frame_leaves_a_record() {
         let frame = |captured_at| TagDetections {
             captured_at,
             received_at: at_s(100),
-            camera: crate::messages::CameraId(0),
+            camera: CameraId(0),
             tags: Vec::new(),
         };
         let verdict = |at| refusal_of_frame(&frame(at), at_s(100)).map(|record| record.verdict);
