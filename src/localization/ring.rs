@@ -223,6 +223,7 @@ mod tests {
             pose_cov: Matrix6::identity() * 0.01,
             residual_rms_px: 0.3,
             q_pos: 10.0,
+            q_position: 10.0,
         }
     }
 

@@ -79,6 +79,7 @@ mod tests {
             received_at: at_s(100),
             camera: crate::messages::CameraId(0),
             tags: Vec::new(),
+            points: Vec::new(),
         };
         let verdict = |at| refusal_of_frame(&frame(at), at_s(100)).map(|record| record.verdict);
         assert_eq!(verdict(at_s(3_000)), Some(Verdict::FromTheFuture));
