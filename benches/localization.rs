@@ -7,7 +7,7 @@ use nalgebra::{Matrix6, Vector3};
 use std::hint::black_box;
 use std::time::Duration;
 use stockpilot::geometry::{Body, Camera, Hall, Point, Rotation, Transform};
-use stockpilot::localization::camera_model::CameraModel;
+use stockpilot::localization::camera_model::{CameraModel, Lens};
 use stockpilot::localization::filter::{Covariance, FilterState, ImuNoise};
 use stockpilot::localization::ring::{Insertion, Ring};
 use stockpilot::localization::vision_fix::{PointFeature, Settings, solve};
@@ -66,6 +66,7 @@ fn late_fix(c: &mut Criterion) {
         pose_cov: Matrix6::from_diagonal_element(1e-4),
         residual_rms_px: 0.3,
         q_pos: 40.0,
+        q_position: 50.0,
     };
     let mut once = full.clone();
     let inserted = once.insert_fix(exposed, fix.clone());
@@ -94,8 +95,8 @@ fn camera() -> CameraModel {
         fy_px: 640.0,
         cx_px: 640.0,
         cy_px: 400.0,
-        radial: [-0.1, 0.01],
-        tangential: [0.0005, -0.0003],
+        lens: Lens::radial_tangential([-0.1, 0.01], [0.0005, -0.0003]),
+        readout: Duration::ZERO,
         body_from_camera: Transform::new(
             Rotation::<Body, Camera>::from_euler_rad(-quarter, 0.0, -quarter),
             Point::new(0.1, 0.0, 0.02),

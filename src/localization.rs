@@ -11,6 +11,7 @@ pub mod camera_model;
 pub mod filter;
 pub mod marker_map;
 pub mod ring;
+pub mod tight_update;
 pub mod vision_fix;
 
 mod localizer;

@@ -9,7 +9,7 @@ mod scan;
 mod setpoint;
 mod vehicle;
 
-pub use camera::{CameraId, TagDetection, TagDetections, TagFamily};
+pub use camera::{CameraId, PointDetection, TagDetection, TagDetections, TagFamily};
 pub use imu::ImuSample;
 pub use map::{GridGeometry, HeightMap, HitCounts, VolumeEstimate};
 pub use nav::{FixOutcome, FixRecord, NavEstimate, PoseError, TagSensitivity, Verdict, state};

@@ -6,7 +6,7 @@ use super::file::{
     VarianceUpdateName, VolumeVarianceName,
 };
 use crate::geometry::{Body, Camera, Frame, Point, Rotation, Transform};
-use crate::localization::camera_model::CameraModel;
+use crate::localization::camera_model::{CameraModel, Lens};
 use crate::localization::filter::ImuNoise;
 use crate::localization::marker_map::MarkerMap;
 use crate::localization::{self, vision_fix};
@@ -465,8 +465,8 @@ fn camera_model(index: usize, c: &CameraSection) -> Result<CameraModel, ConfigEr
         fy_px: c.focal_px[1],
         cx_px: c.principal_px[0],
         cy_px: c.principal_px[1],
-        radial: [k1, k2],
-        tangential: [p1, p2],
+        lens: Lens::radial_tangential([k1, k2], [p1, p2]),
+        readout: Duration::ZERO,
         body_from_camera: Transform::new(forward.rotation * looking_forward, forward.origin),
     })
 }

@@ -304,6 +304,7 @@ mod tests {
             pose_cov: Matrix6::identity() * 0.04,
             residual_rms_px: 0.0,
             q_pos: 1.0,
+            q_position: 1.0,
         };
         let innovation = state.innovation(&fix);
         // 0.05² over (0.01 + 0.04).

@@ -5,10 +5,11 @@
 #![expect(non_snake_case, reason = "matrices carry the letters of the equations")]
 
 use super::filter::{Covariance, FilterState, Gain, ImuNoise, Innovation};
+use super::tight_update::{self, Frame, TightOutcome};
 use crate::geometry::{Body, Hall, Point, Transform};
 use crate::messages::{FixOutcome, ImuSample};
 use crate::time::{Mono, Stamp};
-use nalgebra::Matrix6;
+use nalgebra::{Matrix6, Vector3};
 use std::collections::VecDeque;
 use std::time::Duration;
 
@@ -16,6 +17,14 @@ use std::time::Duration;
 enum Input {
     Imu(ImuSample),
     Fix(Box<FixOutcome>),
+    Frame(Box<FrameInput>),
+}
+
+/// A frame, and the fix to fuse where its points and the state do not agree.
+#[derive(Debug, Clone)]
+struct FrameInput {
+    frame: Frame,
+    fallback: Option<FixOutcome>,
 }
 
 #[derive(Debug, Clone)]
@@ -44,6 +53,26 @@ pub enum Insertion {
     TooOld,
     /// Newer than the newest inertial sample by more than the tolerance.
     FromTheFuture,
+}
+
+/// What became of a frame.
+#[derive(Debug, Clone, PartialEq)]
+pub enum FrameInsertion {
+    /// In the ring, with how its points met the state.
+    Placed(Box<FramePlaced>),
+    /// Older than the ring.
+    TooOld,
+    /// Newer than the newest inertial sample by more than the tolerance.
+    FromTheFuture,
+}
+
+/// How a frame met the state at its own time.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FramePlaced {
+    /// Its points, one by one.
+    pub tight: TightOutcome,
+    /// The fix that stood in for points that were refused, and how it met the state.
+    pub fallback: Option<(FixOutcome, Innovation)>,
 }
 
 /// A fix may be this much newer than the newest inertial sample: samples travel too.
@@ -94,21 +123,69 @@ impl Ring {
 
     /// Puts a fix at its own time; fuses it as long as it passes the gate.
     pub fn insert_fix(&mut self, at: Stamp<Mono>, fix: FixOutcome) -> Insertion {
+        match self.place_of(at) {
+            Err(refusal) => refusal,
+            Ok(place) => {
+                let (mut state, _) = self.before(place, at);
+                let innovation = state.innovation(&fix);
+                let gain = fused(&mut state, &fix, &innovation);
+                // A refused fix stays too: another that arrives later may lie before it and speak
+                // for it.
+                self.put(place, Entry { input: Input::Fix(Box::new(fix)), state, gain });
+                Insertion::Placed(innovation)
+            }
+        }
+    }
+
+    /// Puts the points of a frame at their own time; fuses them as long as they agree with the
+    /// state. `fallback` is asked for a fix where they do not.
+    pub fn insert_frame(
+        &mut self,
+        at: Stamp<Mono>,
+        frame: Frame,
+        fallback: impl FnOnce(&FilterState) -> Option<FixOutcome>,
+    ) -> FrameInsertion {
+        let place = match self.place_of(at) {
+            Ok(place) => place,
+            Err(Insertion::TooOld) => return FrameInsertion::TooOld,
+            Err(_) => return FrameInsertion::FromTheFuture,
+        };
+        let (mut state, rate_radps) = self.before(place, at);
+        let (tight, mut gain) = tight_update::fuse(&mut state, &rate_radps, &frame);
+        let fallback = if tight.is_fused { None } else { fallback(&state) };
+        let fallback = fallback.map(|fix| {
+            let innovation = state.innovation(&fix);
+            gain = fused(&mut state, &fix, &innovation).map(|boxed| *boxed);
+            (fix, innovation)
+        });
+        let kept = FrameInput { frame, fallback: fallback.as_ref().map(|(fix, _)| fix.clone()) };
+        let entry = Entry { input: Input::Frame(Box::new(kept)), state, gain: gain.map(Box::new) };
+        self.put(place, entry);
+        FrameInsertion::Placed(Box::new(FramePlaced { tight, fallback }))
+    }
+
+    /// Where an input of this time belongs, if it belongs at all.
+    fn place_of(&self, at: Stamp<Mono>) -> Result<usize, Insertion> {
         if at < self.oldest_at() {
-            return Insertion::TooOld;
+            Err(Insertion::TooOld)
+        } else if at > self.newest().at.plus(FUTURE_TOLERANCE) {
+            Err(Insertion::FromTheFuture)
+        } else {
+            Ok(self.entries.partition_point(|entry| entry.state.at <= at))
         }
-        if at > self.newest().at.plus(FUTURE_TOLERANCE) {
-            return Insertion::FromTheFuture;
-        }
-        let place = self.entries.partition_point(|entry| entry.state.at <= at);
+    }
+
+    /// State and angular velocity (without its bias) at `at`, which lies before entry `place`.
+    fn before(&self, place: usize, at: Stamp<Mono>) -> (FilterState, Vector3<f64>) {
         let imu = self.imu_in_force(place);
-        let mut state = self.entries[place - 1].state.propagated(&imu, at, &self.noise);
-        let innovation = state.innovation(&fix);
-        let gain = fused(&mut state, &fix, &innovation);
-        // A refused fix stays too: another that arrives later may lie before it and speak for it.
-        self.entries.insert(place, Entry { input: Input::Fix(Box::new(fix)), state, gain });
+        let state = self.entries[place - 1].state.propagated(&imu, at, &self.noise);
+        let rate_radps = imu.gyro_radps - state.gyro_bias_radps;
+        (state, rate_radps)
+    }
+
+    fn put(&mut self, place: usize, entry: Entry) {
+        self.entries.insert(place, entry);
         self.recompute_from(place + 1);
-        Insertion::Placed(innovation)
     }
 
     /// The pose at an instant inside the ring, and the covariance of its error (6×6).
@@ -136,11 +213,14 @@ impl Ring {
     /// The state at an instant inside the ring, propagated from the one before.
     #[must_use]
     pub fn state_at(&self, at: Stamp<Mono>) -> Option<FilterState> {
-        if at < self.oldest_at() || at > self.newest().at.plus(FUTURE_TOLERANCE) {
-            return None;
-        }
-        let place = self.entries.partition_point(|entry| entry.state.at <= at);
-        Some(self.entries[place - 1].state.propagated(&self.imu_in_force(place), at, &self.noise))
+        self.motion_at(at).map(|(state, _)| state)
+    }
+
+    /// The state at an instant inside the ring, and the angular velocity without its bias there,
+    /// body axes, rad/s.
+    #[must_use]
+    pub fn motion_at(&self, at: Stamp<Mono>) -> Option<(FilterState, Vector3<f64>)> {
+        self.place_of(at).ok().map(|place| self.before(place, at))
     }
 
     /// How the error at `from` lives on in the error at `to`; `None` if either is outside the ring
@@ -176,30 +256,46 @@ impl Ring {
     fn imu_in_force(&self, place: usize) -> ImuSample {
         let imu_of = |entry: &Entry| match &entry.input {
             Input::Imu(imu) => Some(*imu),
-            Input::Fix(_) => None,
+            Input::Fix(_) | Input::Frame(_) => None,
         };
         let next = self.entries.range(place..).find_map(imu_of);
         next.or_else(|| self.entries.range(..place).rev().find_map(imu_of)).unwrap_or(ImuSample {
             // Not reached while the ring's first entry is an inertial sample; at rest is harmless.
             at: self.newest().at,
-            accel_mps2: nalgebra::Vector3::z() * crate::units::GRAVITY_MPS2,
-            gyro_radps: nalgebra::Vector3::zeros(),
+            accel_mps2: Vector3::z() * crate::units::GRAVITY_MPS2,
+            gyro_radps: Vector3::zeros(),
         })
     }
 
     fn recompute_from(&mut self, first: usize) {
         for place in first..self.entries.len() {
-            let imu = self.imu_in_force(place);
-            let at = self.entries[place].state.at;
-            let mut state = self.entries[place - 1].state.propagated(&imu, at, &self.noise);
+            let (mut state, rate_radps) = self.before(place, self.entries[place].state.at);
             let entry = &mut self.entries[place];
-            if let Input::Fix(fix) = &entry.input {
-                let innovation = state.innovation(fix);
-                entry.gain = fused(&mut state, fix, &innovation);
-            }
+            entry.gain = match &entry.input {
+                Input::Imu(_) => None,
+                Input::Fix(fix) => {
+                    let innovation = state.innovation(fix);
+                    fused(&mut state, fix, &innovation)
+                }
+                Input::Frame(input) => judged_again(&mut state, &rate_radps, input),
+            };
             entry.state = state;
         }
     }
+}
+
+/// Fuses a frame of the ring once more: its points, or the fix that stands in for them.
+fn judged_again(
+    state: &mut FilterState,
+    rate_radps: &Vector3<f64>,
+    input: &FrameInput,
+) -> Option<Box<Gain>> {
+    let (_, gain) = tight_update::fuse(state, rate_radps, &input.frame);
+    gain.map(Box::new).or_else(|| {
+        let fix = input.fallback.as_ref()?;
+        let innovation = state.innovation(fix);
+        fused(state, fix, &innovation)
+    })
 }
 
 /// Fuses a fix within its gate.

@@ -136,6 +136,8 @@ pub struct FixOutcome {
     /// Quality of the fix by its pixels alone: 1/√tr(Σ^χ), m² and rad² added as the paper does; an
     /// uncertain capture time widens `pose_cov` but not this.
     pub q_pos: f64,
+    /// The same of the position alone, 1/m: 1/√tr of the upper left 3×3 of Σ^χ.
+    pub q_position: f64,
 }
 
 /// The record of one attempt to fuse a frame of tags.

@@ -4,10 +4,9 @@
 //! future would put the filter there, where it refuses everything that follows; a force that no
 //! accelerometer can show would fill it with infinities.
 
-use crate::messages::{CameraId, FixRecord, ImuSample, Scan, TagDetections, Verdict};
+use crate::messages::{FixRecord, ImuSample, Scan, TagDetections, Verdict};
 use crate::stats::chi2_gate_99;
 use crate::time::{Mono, Stamp};
-use std::collections::BTreeMap;
 use std::time::Duration;
 
 /// Samples may be this much newer than the last tick: the brain can fall behind, clocks differ.
@@ -38,25 +37,31 @@ pub(super) fn refusal_of_frame(frame: &TagDetections, now: Stamp<Mono>) -> Optio
 }
 
 /// Which frames can still come.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub(super) struct FrameWatch {
-    /// The newest treated frame of each camera that was ever heard.
-    newest: BTreeMap<CameraId, Stamp<Mono>>,
+    /// The newest treated frame of each camera, if it was ever heard.
+    newest: Vec<Option<Stamp<Mono>>>,
 }
 
 impl FrameWatch {
+    /// A watch over this many cameras.
+    pub(super) fn new(n_cameras: usize) -> Self {
+        Self { newest: vec![None; n_cameras] }
+    }
+
     /// Remembers a treated frame.
     pub(super) fn note(&mut self, frame: &TagDetections, verdict: Verdict) {
         // A stamp ahead of all samples would say that no frame is expected for a while.
-        if verdict != Verdict::FromTheFuture {
-            let newest = self.newest.entry(frame.camera).or_insert(frame.captured_at);
-            *newest = frame.captured_at.max(*newest);
+        if verdict != Verdict::FromTheFuture
+            && let Some(newest) = self.newest.get_mut(usize::from(frame.camera.0))
+        {
+            *newest = Some(frame.captured_at).max(*newest);
         }
     }
 
-    /// True once every camera has delivered a frame captured at `at` or later.
+    /// True once every camera that was heard has delivered a frame captured at `at` or later.
     pub(super) fn have_passed(&self, at: Stamp<Mono>) -> bool {
-        self.newest.values().all(|newest| *newest >= at)
+        self.newest.iter().flatten().all(|newest| *newest >= at)
     }
 }
 
@@ -73,6 +78,7 @@ fn is_near(at: Stamp<Mono>, now: Stamp<Mono>) -> Result<(), Verdict> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::messages::CameraId;
     use nalgebra::Vector3;
 
     fn at_s(seconds: i64) -> Stamp<Mono> {
@@ -103,8 +109,9 @@ mod tests {
             received_at: captured_at,
             camera: CameraId(camera),
             tags: Vec::new(),
+            points: Vec::new(),
         };
-        let mut watch = FrameWatch::default();
+        let mut watch = FrameWatch::new(2);
         assert!(watch.have_passed(at_s(1)), "no camera, nothing to wait for");
         watch.note(&frame(0, at_s(10)), Verdict::Fused);
         watch.note(&frame(1, at_s(9)), Verdict::NoKnownTag);
@@ -122,6 +129,7 @@ mod tests {
             received_at: at_s(100),
             camera: CameraId(0),
             tags: Vec::new(),
+            points: Vec::new(),
         };
         let verdict = |at| refusal_of_frame(&frame(at), at_s(100)).map(|record| record.verdict);
         assert_eq!(verdict(at_s(3_000)), Some(Verdict::FromTheFuture));

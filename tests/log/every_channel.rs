@@ -8,8 +8,9 @@ use stockpilot::geometry::{Body, Direction, Hall, Point, Rotation, Transform};
 use stockpilot::messages::{
     AutopilotPose, BatterySample, Beam, CameraId, CommandOutcome, FixOutcome, FixRecord,
     FlightMode, GridGeometry, HeightMap, HitCounts, LandedState, NavEstimate, OperatorAnswer,
-    OperatorCommand, OperatorRequest, OperatorVerb, Scan, Setpoint, Severity, StatusText,
-    TagDetection, TagDetections, TagFamily, VehicleCommand, VehicleState, Verdict, VolumeEstimate,
+    OperatorCommand, OperatorRequest, OperatorVerb, PointDetection, Scan, Setpoint, Severity,
+    StatusText, TagDetection, TagDetections, TagFamily, VehicleCommand, VehicleState, Verdict,
+    VolumeEstimate,
 };
 use stockpilot::mission::Phase;
 use stockpilot::pilot::{Action, Event, FlightSummary, PhaseChange, VolumeReport};
@@ -48,6 +49,7 @@ fn events() -> Vec<Event> {
             received_at: AT,
             camera: CameraId(1),
             tags: vec![tag],
+            points: vec![PointDetection { id: 9, pixel_px: [3.25, -7.5] }],
         }),
         Event::Vehicle(VehicleState {
             at: AT,
@@ -107,6 +109,7 @@ fn fix() -> FixRecord {
             pose_cov: Matrix6::identity(),
             residual_rms_px: 0.25,
             q_pos: 12.5,
+            q_position: 14.25,
         }),
         innovation: Some([0.5; 6]),
         nis: None,

@@ -6,7 +6,7 @@ use super::*;
 use crate::geometry::Rotation;
 use crate::localization::propagation::Error;
 use crate::stats::SeedBook;
-use nalgebra::{SMatrix, Vector3};
+use nalgebra::SMatrix;
 
 fn at_ms(ms: i64) -> Stamp<Mono> {
     Stamp::from_nanos(ms * 1_000_000)
@@ -46,6 +46,7 @@ fn fix(noise: &mut crate::stats::Noise) -> FixOutcome {
         pose_cov: Matrix6::identity() * 0.01,
         residual_rms_px: 0.3,
         q_pos: 10.0,
+        q_position: 10.0,
     }
 }
 

@@ -144,6 +144,7 @@ struct FixOutcomeTwin {
     pose_cov: Matrix6<f64>,
     residual_rms_px: f64,
     q_pos: f64,
+    q_position: f64,
 }
 
 #[derive(Serialize, JsonSchema)]
