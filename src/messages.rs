@@ -12,7 +12,9 @@ mod vehicle;
 pub use camera::{CameraId, PointDetection, TagDetection, TagDetections, TagFamily};
 pub use imu::ImuSample;
 pub use map::{GridGeometry, HeightMap, HitCounts, VolumeEstimate};
-pub use nav::{FixOutcome, FixRecord, NavEstimate, PoseError, TagSensitivity, Verdict, state};
+pub use nav::{
+    FixOutcome, FixRecord, FixSource, NavEstimate, PoseError, TagSensitivity, Verdict, state,
+};
 pub use operator::{
     OperatorAnswer, OperatorCommand, OperatorRequest, OperatorVerb, Severity, StatusText,
 };

@@ -159,6 +159,7 @@ impl Pilot {
             Event::Imu(imu) => {
                 if intake::believes_imu(&imu, self.now) {
                     self.localizer.on_imu(imu);
+                    self.tell_of_localizer(actions);
                     self.map_waiting_scans();
                 }
             }
@@ -176,11 +177,13 @@ impl Pilot {
                 let record = refusal.unwrap_or_else(|| self.localizer.on_tags(&frame));
                 self.frames.note(&frame, record.verdict);
                 actions.push(Action::FixTreated(Box::new(record)));
+                self.tell_of_localizer(actions);
                 self.map_waiting_scans();
             }
             Event::Vehicle(vehicle) => {
                 self.vehicle = Some(vehicle);
                 self.is_autopilot_lost = false;
+                self.localizer.set_on_ground(intake::is_on_ground(&vehicle));
                 // The pilot's switch must not wait for the next tick.
                 self.run_mission(actions);
             }
@@ -199,6 +202,7 @@ impl Pilot {
                     say(actions, Severity::Error, "no heartbeat of the autopilot".to_owned());
                 }
                 self.is_autopilot_lost = true;
+                self.localizer.set_on_ground(false);
             }
             Event::Finished { id, output, .. } => self.on_finished(id, *output, actions),
         }
@@ -230,6 +234,12 @@ impl Pilot {
             self.last_report_at = now;
             self.report(false, actions);
         }
+    }
+
+    fn tell_of_localizer(&mut self, actions: &mut Vec<Action>) {
+        let records = self.localizer.take_records().into_iter();
+        actions.extend(records.map(|record| Action::FixTreated(Box::new(record))));
+        actions.extend(self.localizer.take_notices().into_iter().map(Action::Say));
     }
 
     fn on_operator(&mut self, command: OperatorCommand, actions: &mut Vec<Action>) {

@@ -2,8 +2,8 @@
 
 use super::error::ConfigError;
 use super::file::{
-    CameraSection, Config, MountSection, PlannerName, RectSection, SmoothnessName,
-    VarianceUpdateName, VolumeVarianceName,
+    CameraSection, Config, MountSection, PadSection, PlannerName, RectSection, SmoothnessName,
+    UpdateName, VarianceUpdateName, VolumeVarianceName,
 };
 use crate::geometry::{Body, Camera, Frame, Point, Rotation, Transform};
 use crate::localization::camera_model::{CameraModel, Lens};
@@ -143,6 +143,11 @@ impl Config {
                     "m",
                 )?,
             },
+            update: match f.update {
+                UpdateName::Loose => localization::Update::Loose,
+                UpdateName::Tight => localization::Update::Tight,
+            },
+            pad: f.pad.as_ref().map(pad_pose).transpose()?,
             capture_sigma_s: within("filter.capture_sigma_s", f.capture_sigma_s, (0.0, 0.1), "s")?,
             imu_noise: ImuNoise {
                 accel_density_mps2_rthz: density(
@@ -437,6 +442,23 @@ fn mount<F: Frame>(key: &str, m: &MountSection) -> Result<Transform<Body, F>, Co
     let [roll, pitch, yaw] = m.rotation_deg.map(rad_from_deg);
     let [x, y, z] = m.position_m;
     Ok(Transform::new(Rotation::from_euler_rad(roll, pitch, yaw), Point::new(x, y, z)))
+}
+
+fn pad_pose(pad: &PadSection) -> Result<localization::PadPose, ConfigError> {
+    let coordinate =
+        |k: usize| within("filter.pad.position_m", pad.position_m[k], (-10_000.0, 10_000.0), "m");
+    let sigma_deg = within("filter.pad.yaw_sigma_deg", pad.yaw_sigma_deg, (0.1, 30.0), "°")?;
+    Ok(localization::PadPose {
+        position: Point::new(coordinate(0)?, coordinate(1)?, coordinate(2)?),
+        yaw_rad: within("filter.pad.yaw_deg", pad.yaw_deg, (-360.0, 360.0), "°")?.to_radians(),
+        position_sigma_m: within(
+            "filter.pad.position_sigma_m",
+            pad.position_sigma_m,
+            (0.005, 5.0),
+            "m",
+        )?,
+        yaw_sigma_rad: sigma_deg.to_radians(),
+    })
 }
 
 fn camera_model(index: usize, c: &CameraSection) -> Result<CameraModel, ConfigError> {

@@ -72,11 +72,19 @@ pub struct FilterState {
 pub struct Innovation {
     /// Measured minus predicted: position in hall axes (m), attitude in body axes (rad).
     pub pose: Vector6<f64>,
+    /// S: covariance that it should have, 6×6.
+    pub cov: Matrix6<f64>,
     /// Normalised innovation squared.
     pub nis: f64,
     /// The bound it had to keep.
     pub nis_gate: f64,
 }
+
+/// σ of the velocity of a vehicle that stands, m/s: it may rock on its feet.
+const STANDSTILL_SIGMA_MPS: f64 = 0.02;
+/// σ of the gyroscope's mean at rest, rad/s. The window is a second and comes ten times a second:
+/// ten overlapping means count as one with this √10 wider than one.
+const STANDSTILL_GYRO_SIGMA_RADPS: f64 = 2e-3;
 
 impl Innovation {
     /// True if the measurement is compatible with the state.
@@ -123,7 +131,7 @@ impl FilterState {
         let S = self.P.fixed_view::<6, 6>(0, 0) + fix.pose_cov;
         // Without a factor nothing can be said of the fix: outside of every gate, yet a number.
         let nis = S.cholesky().map_or(f64::MAX, |c| pose.dot(&c.solve(&pose)));
-        Innovation { pose, nis, nis_gate: chi2_gate_99(6) }
+        Innovation { pose, cov: S, nis, nis_gate: chi2_gate_99(6) }
     }
 
     /// Fuses a pose, gate or not, in Joseph form.
@@ -138,6 +146,31 @@ impl FilterState {
         let gain = Gain { first: 0, U: K };
         self.absorb(&gain, &K, &fix.pose_cov, &innovation.pose);
         Some(gain)
+    }
+
+    /// Fuses that the vehicle stands: no velocity, and a gyroscope that shows its bias; only within
+    /// the gate.
+    ///
+    /// ```text
+    /// z = (−v, ω̄ − b_g),   H = [0 I₆ 0] on (v, b_g)
+    /// ```
+    /// - `ω̄`: mean of the gyroscope at rest, rad/s
+    pub(super) fn stand(&mut self, gyro_radps: &Vector3<f64>) -> (Innovation, Option<Gain>) {
+        let (v, b) = (-self.velocity_mps, gyro_radps - self.gyro_bias_radps);
+        let z = Vector6::new(v.x, v.y, v.z, b.x, b.y, b.z);
+        let (r_v, r_b) = (STANDSTILL_SIGMA_MPS.powi(2), STANDSTILL_GYRO_SIGMA_RADPS.powi(2));
+        let R = Matrix6::from_diagonal(&Vector6::new(r_v, r_v, r_v, r_b, r_b, r_b));
+        let S = self.P.fixed_view::<6, 6>(VEL.start, VEL.start) + R;
+        let factor = S.cholesky();
+        let nis = factor.as_ref().map_or(f64::MAX, |S| z.dot(&S.solve(&z)));
+        let innovation = Innovation { pose: z, cov: S, nis, nis_gate: chi2_gate_99(6) };
+        let gain = factor.filter(|_| innovation.is_within_gate()).map(|S| {
+            let K = self.P.fixed_columns::<6>(VEL.start) * S.inverse();
+            let gain = Gain { first: VEL.start, U: K };
+            self.absorb(&gain, &K, &R, &z);
+            gain
+        });
+        (innovation, gain)
     }
 
     /// `P⁺ = (I − U H) P (I − U H)ᵀ + W N Wᵀ` and the nominal state moved by `W z`.

@@ -15,9 +15,18 @@ use std::time::Duration;
 
 #[derive(Debug, Clone)]
 enum Input {
-    Imu(ImuSample),
+    Imu(Covered),
     Fix(Box<FixOutcome>),
     Frame(Box<FrameInput>),
+    /// The vehicle stands: no velocity, and this mean of the gyroscope.
+    Standstill(Vector3<f64>),
+}
+
+/// A sample, and the noise of the time that it stands for.
+#[derive(Debug, Clone, Copy)]
+struct Covered {
+    imu: ImuSample,
+    noise: ImuNoise,
 }
 
 /// A frame, and the fix to fuse where its points and the state do not agree.
@@ -75,6 +84,12 @@ pub struct FramePlaced {
     pub fallback: Option<(FixOutcome, Innovation)>,
 }
 
+/// A sample stands for this long without a penalty, s: three periods of a slow autopilot.
+const EVEN_GAP_S: f64 = 0.03;
+/// What the vehicle may do unseen in a longer gap: forces and turns that hold all through it.
+const UNSEEN_ACCEL_MPS2: f64 = 2.0;
+const UNSEEN_RATE_RADPS: f64 = 1.0;
+
 /// A fix may be this much newer than the newest inertial sample: samples travel too.
 const FUTURE_TOLERANCE: Duration = Duration::from_millis(20);
 
@@ -82,7 +97,8 @@ impl Ring {
     /// A ring that starts with this state.
     #[must_use]
     pub fn new(start: FilterState, last_imu: ImuSample, noise: ImuNoise, span: Duration) -> Self {
-        let first = Entry { input: Input::Imu(last_imu), state: start, gain: None };
+        let first =
+            Entry { input: Input::Imu(Covered { imu: last_imu, noise }), state: start, gain: None };
         Self { entries: VecDeque::from([first]), span, noise }
     }
 
@@ -108,10 +124,12 @@ impl Ring {
         if last_imu.is_some_and(|last| imu.at <= last.state.at) {
             return;
         }
+        let gap_s = last_imu.map_or(0.0, |last| imu.at.seconds_since(last.state.at));
+        let covered = Covered { imu, noise: self.noise_over(gap_s) };
         let place = self.entries.partition_point(|entry| entry.state.at <= imu.at);
         let first_fix = self.entries.iter().rposition(is_imu).map_or(place, |last| last + 1);
-        let state = self.entries[place - 1].state.propagated(&imu, imu.at, &self.noise);
-        self.entries.insert(place, Entry { input: Input::Imu(imu), state, gain: None });
+        let state = self.entries[place - 1].state.propagated(&imu, imu.at, &covered.noise);
+        self.entries.insert(place, Entry { input: Input::Imu(covered), state, gain: None });
         if first_fix < place || place + 1 < self.entries.len() {
             self.recompute_from(first_fix);
         }
@@ -143,7 +161,7 @@ impl Ring {
         &mut self,
         at: Stamp<Mono>,
         frame: Frame,
-        fallback: impl FnOnce(&FilterState) -> Option<FixOutcome>,
+        fallback: impl FnOnce(&FilterState, &Vector3<f64>) -> Option<FixOutcome>,
     ) -> FrameInsertion {
         let place = match self.place_of(at) {
             Ok(place) => place,
@@ -152,7 +170,7 @@ impl Ring {
         };
         let (mut state, rate_radps) = self.before(place, at);
         let (tight, mut gain) = tight_update::fuse(&mut state, &rate_radps, &frame);
-        let fallback = if tight.is_fused { None } else { fallback(&state) };
+        let fallback = if tight.is_fused { None } else { fallback(&state, &rate_radps) };
         let fallback = fallback.map(|fix| {
             let innovation = state.innovation(&fix);
             gain = fused(&mut state, &fix, &innovation).map(|boxed| *boxed);
@@ -162,6 +180,20 @@ impl Ring {
         let entry = Entry { input: Input::Frame(Box::new(kept)), state, gain: gain.map(Box::new) };
         self.put(place, entry);
         FrameInsertion::Placed(Box::new(FramePlaced { tight, fallback }))
+    }
+
+    /// Tells the filter that the vehicle stands at `at`, with this mean of the gyroscope.
+    pub fn insert_standstill(&mut self, at: Stamp<Mono>, gyro_radps: Vector3<f64>) -> Insertion {
+        match self.place_of(at) {
+            Err(refusal) => refusal,
+            Ok(place) => {
+                let (mut state, _) = self.before(place, at);
+                let (innovation, gain) = state.stand(&gyro_radps);
+                let input = Input::Standstill(gyro_radps);
+                self.put(place, Entry { input, state, gain: gain.map(Box::new) });
+                Insertion::Placed(innovation)
+            }
+        }
     }
 
     /// Where an input of this time belongs, if it belongs at all.
@@ -177,8 +209,8 @@ impl Ring {
 
     /// State and angular velocity (without its bias) at `at`, which lies before entry `place`.
     fn before(&self, place: usize, at: Stamp<Mono>) -> (FilterState, Vector3<f64>) {
-        let imu = self.imu_in_force(place);
-        let state = self.entries[place - 1].state.propagated(&imu, at, &self.noise);
+        let Covered { imu, noise } = self.in_force(place);
+        let state = self.entries[place - 1].state.propagated(&imu, at, &noise);
         let rate_radps = imu.gyro_radps - state.gyro_bias_radps;
         (state, rate_radps)
     }
@@ -243,27 +275,52 @@ impl Ring {
         let mut A = Covariance::identity();
         for place in first..end {
             let entry = &self.entries[place];
-            A = before.transition(&self.imu_in_force(place), entry.state.at).times(&A);
+            A = before.transition(&self.in_force(place).imu, entry.state.at).times(&A);
             if let Some(gain) = &entry.gain {
                 gain.apply(&mut A);
             }
             before = &entry.state;
         }
-        Some(before.transition(&self.imu_in_force(end), to).times(&A))
+        Some(before.transition(&self.in_force(end).imu, to).times(&A))
+    }
+
+    /// The noise of the time that a sample stands for: wider where samples are missing.
+    ///
+    /// A density `σ_a √T` integrates over the gap `T` to the velocity that a force `σ_a` gives
+    /// in it.
+    fn noise_over(&self, gap_s: f64) -> ImuNoise {
+        if gap_s <= EVEN_GAP_S {
+            return self.noise;
+        }
+        let root = gap_s.sqrt();
+        ImuNoise {
+            accel_density_mps2_rthz: self
+                .noise
+                .accel_density_mps2_rthz
+                .hypot(UNSEEN_ACCEL_MPS2 * root),
+            gyro_density_radps_rthz: self
+                .noise
+                .gyro_density_radps_rthz
+                .hypot(UNSEEN_RATE_RADPS * root),
+            ..self.noise
+        }
     }
 
     /// The sample that covers the time just before entry `place`: the next one, else the last.
-    fn imu_in_force(&self, place: usize) -> ImuSample {
+    fn in_force(&self, place: usize) -> Covered {
         let imu_of = |entry: &Entry| match &entry.input {
-            Input::Imu(imu) => Some(*imu),
-            Input::Fix(_) | Input::Frame(_) => None,
+            Input::Imu(covered) => Some(*covered),
+            _ => None,
         };
         let next = self.entries.range(place..).find_map(imu_of);
-        next.or_else(|| self.entries.range(..place).rev().find_map(imu_of)).unwrap_or(ImuSample {
+        next.or_else(|| self.entries.range(..place).rev().find_map(imu_of)).unwrap_or(Covered {
             // Not reached while the ring's first entry is an inertial sample; at rest is harmless.
-            at: self.newest().at,
-            accel_mps2: Vector3::z() * crate::units::GRAVITY_MPS2,
-            gyro_radps: Vector3::zeros(),
+            imu: ImuSample {
+                at: self.newest().at,
+                accel_mps2: Vector3::z() * crate::units::GRAVITY_MPS2,
+                gyro_radps: Vector3::zeros(),
+            },
+            noise: self.noise,
         })
     }
 
@@ -278,6 +335,7 @@ impl Ring {
                     fused(&mut state, fix, &innovation)
                 }
                 Input::Frame(input) => judged_again(&mut state, &rate_radps, input),
+                Input::Standstill(gyro_radps) => state.stand(gyro_radps).1.map(Box::new),
             };
             entry.state = state;
         }

@@ -205,6 +205,34 @@ impl Information {
         self.squares += weight * residual.r.norm_squared();
     }
 
+    /// Both together.
+    pub(super) fn plus(&self, other: &Self) -> Self {
+        Self {
+            Lambda: self.Lambda + other.Lambda,
+            eta: self.eta + other.eta,
+            n_points: self.n_points + other.n_points,
+            squares: self.squares + other.squares,
+        }
+    }
+
+    /// Without a part of it.
+    pub(super) fn minus(&self, part: &Self) -> Self {
+        Self {
+            Lambda: self.Lambda - part.Lambda,
+            eta: self.eta - part.eta,
+            n_points: self.n_points - part.n_points,
+            squares: self.squares - part.squares,
+        }
+    }
+
+    /// Mean square of what is left of the residuals at `c`, 1 where they are as good as said.
+    pub(super) fn excess_at(&self, c: &Vector6<f64>) -> f64 {
+        let left = self.squares - 2.0 * c.dot(&self.eta) + c.dot(&(self.Lambda * c));
+        #[expect(clippy::cast_precision_loss, reason = "a frame has few points")]
+        let n = (2 * self.n_points.max(1)) as f64;
+        left / n
+    }
+
     fn scaled(&self, by: f64) -> Self {
         Self {
             Lambda: self.Lambda * by,

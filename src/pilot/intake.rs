@@ -4,7 +4,9 @@
 //! future would put the filter there, where it refuses everything that follows; a force that no
 //! accelerometer can show would fill it with infinities.
 
-use crate::messages::{FixRecord, ImuSample, Scan, TagDetections, Verdict};
+use crate::messages::{
+    FixRecord, ImuSample, LandedState, Scan, TagDetections, VehicleState, Verdict,
+};
 use crate::stats::chi2_gate_99;
 use crate::time::{Mono, Stamp};
 use std::time::Duration;
@@ -34,6 +36,12 @@ pub(super) fn believes_scan(scan: &Scan, now: Stamp<Mono>) -> bool {
 pub(super) fn refusal_of_frame(frame: &TagDetections, now: Stamp<Mono>) -> Option<FixRecord> {
     let verdict = is_near(frame.captured_at, now).err()?;
     Some(FixRecord::of_frame(frame, chi2_gate_99(6), verdict))
+}
+
+/// True if the autopilot's words leave no doubt: a vehicle whose motors may turn can leave the
+/// ground before it says so.
+pub(super) fn is_on_ground(vehicle: &VehicleState) -> bool {
+    !vehicle.is_armed && matches!(vehicle.landed, LandedState::OnGround | LandedState::Unknown)
 }
 
 /// Which frames can still come.

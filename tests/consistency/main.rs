@@ -2,5 +2,8 @@
 
 #![expect(clippy::expect_used, reason = "a helper of tests stops where its premise fails")]
 
+mod faults;
+mod latency;
 mod nees;
+mod scene;
 mod truth;

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use stockpilot::geometry::{Body, Direction, Hall, Point, Rotation, Transform};
 use stockpilot::messages::{
-    AutopilotPose, BatterySample, Beam, CameraId, CommandOutcome, FixOutcome, FixRecord,
+    AutopilotPose, BatterySample, Beam, CameraId, CommandOutcome, FixOutcome, FixRecord, FixSource,
     FlightMode, GridGeometry, HeightMap, HitCounts, LandedState, NavEstimate, OperatorAnswer,
     OperatorCommand, OperatorRequest, OperatorVerb, PointDetection, Scan, Setpoint, Severity,
     StatusText, TagDetection, TagDetections, TagFamily, VehicleCommand, VehicleState, Verdict,
@@ -102,8 +102,11 @@ fn fix() -> FixRecord {
     FixRecord {
         at: AT,
         age_s: 0.05,
+        source: FixSource::Tight,
         n_tags: 2,
         n_tags_used: 1,
+        n_points: 4,
+        n_points_used: 3,
         fix: Some(FixOutcome {
             hall_from_body: pose(),
             pose_cov: Matrix6::identity(),
@@ -112,6 +115,7 @@ fn fix() -> FixRecord {
             q_position: 14.25,
         }),
         innovation: Some([0.5; 6]),
+        innovation_cov: Some([[0.25; 6]; 6]),
         nis: None,
         nis_gate: 16.8119,
         verdict: Verdict::Fused,

@@ -107,6 +107,8 @@ pub(crate) fn settings() -> Settings {
             cameras: vec![camera()],
             marker_map: marker_map(),
             vision: vision_fix::Settings::default(),
+            update: localization::Update::Tight,
+            pad: None,
             capture_sigma_s: 0.002,
             imu_noise: ImuNoise::default(),
             ring_span: Duration::from_secs(1),
