@@ -10,7 +10,7 @@ use stockpilot::geometry::{Body, Camera, Hall, Point, Rotation, Transform};
 use stockpilot::localization::camera_model::{CameraModel, Lens};
 use stockpilot::localization::filter::ImuNoise;
 use stockpilot::localization::marker_map::MarkerMap;
-use stockpilot::localization::{Localizer, Settings, Update, vision_fix};
+use stockpilot::localization::{Health, Localizer, Settings, Update, vision_fix};
 use stockpilot::messages::{
     CameraId, FixRecord, StatusText, TagDetection, TagDetections, TagFamily,
 };
@@ -122,6 +122,8 @@ pub(crate) struct Flight {
     pub(crate) tags: BTreeMap<u32, Corners>,
     pub(crate) latency_s: f64,
     pub(crate) k: u32,
+    /// No inertial sample arrives in this time, s.
+    pub(crate) deaf: std::ops::Range<f64>,
     waiting: Vec<(f64, TagDetections)>,
     pub(crate) records: Vec<FixRecord>,
     pub(crate) notices: Vec<StatusText>,
@@ -141,10 +143,27 @@ impl Flight {
             tags: tags(),
             latency_s,
             k: 0,
+            deaf: 0.0..0.0,
             waiting: Vec::new(),
             records: Vec::new(),
             notices: Vec::new(),
         }
+    }
+
+    /// The vehicle stands this long at first, s.
+    pub(crate) fn standing_until(self, stands_until: f64) -> Self {
+        Self { motion: self.motion.standing_until(stands_until), ..self }
+    }
+
+    /// Flies until `t`, with or without frames.
+    pub(crate) fn fly_until(&mut self, t: f64, has_frames: bool) {
+        while self.t() < t - 1e-9 {
+            self.step(&mut |_, _| has_frames);
+        }
+    }
+
+    pub(crate) fn health(&self) -> Health {
+        self.localizer.health(stamp(self.t()))
     }
 
     pub(crate) fn t(&self) -> f64 {
@@ -156,7 +175,9 @@ impl Flight {
         self.k += 1;
         let (t, dt) = (self.t(), 1.0 / IMU_RATE_HZ);
         let imu = self.sensors.sample(&self.motion, t, dt, &mut self.noise);
-        self.localizer.on_imu(imu);
+        if !self.deaf.contains(&t) {
+            self.localizer.on_imu(imu);
+        }
         if self.k % STEPS_PER_FRAME == 0 {
             let mut frame = self.frame(t);
             if spoil(&mut frame, &mut self.noise) {
