@@ -78,18 +78,13 @@ pub struct Localizer {
     settings: Settings,
     cameras: Vec<Arc<CameraModel>>,
     ring: Option<Ring>,
-    /// Position and yaw are known, from a fix or a declared pad.
-    is_placed: bool,
-    /// The time jumped: the next fix must place the vehicle anew.
-    must_relocate: bool,
+    placement: Placement,
     is_on_ground: bool,
     /// Samples of the last second.
     rest: RestWindow,
     imu_clock: ImuClock,
     last_imu: Option<ImuSample>,
     last_fused_at: Option<Stamp<Mono>>,
-    /// A tag has been fused: the pad's pose is history.
-    has_seen_tags: bool,
     gated: GatedStreak,
     reset_counter: u8,
     /// The newest sample when the present ring began.
@@ -99,6 +94,19 @@ pub struct Localizer {
     frozen: Vec<FrozenWatch>,
     notices: Vec<StatusText>,
     records: Vec<FixRecord>,
+}
+
+/// Where position and yaw come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Placement {
+    /// They are not known.
+    Unknown,
+    /// From the declared pad; no tag was fused yet.
+    Pad,
+    /// From tags.
+    Tags,
+    /// The time jumped: the next fix must place the vehicle anew.
+    Stale,
 }
 
 /// The attempts to fuse a standstill since the last record of them.
@@ -127,14 +135,12 @@ impl Localizer {
             frozen: vec![FrozenWatch::default(); settings.cameras.len()],
             settings,
             ring: None,
-            is_placed: false,
-            must_relocate: false,
+            placement: Placement::Unknown,
             is_on_ground: false,
             rest: RestWindow::default(),
             imu_clock: ImuClock::default(),
             last_imu: None,
             last_fused_at: None,
-            has_seen_tags: false,
             gated: GatedStreak::default(),
             reset_counter: 0,
             began_at: None,
@@ -203,7 +209,9 @@ impl Localizer {
         }
         state.at = imu.at;
         self.begin_ring(state, *imu);
-        self.must_relocate = self.is_placed;
+        if self.placement != Placement::Unknown {
+            self.placement = Placement::Stale;
+        }
         self.last_fused_at = None;
     }
 
@@ -214,7 +222,7 @@ impl Localizer {
             let Some(last_imu) = self.last_imu else { return };
             let pad = self.settings.pad;
             self.begin_ring(aligned(at, &rest, pad.as_ref()), last_imu);
-            self.is_placed = pad.is_some();
+            self.placement = pad.map_or(Placement::Unknown, |_| Placement::Pad);
             self.last_fused_at = pad.map(|_| at);
             return;
         };
@@ -223,7 +231,7 @@ impl Localizer {
         };
         let is_fused = innovation.is_within_gate();
         // On its declared pad the vehicle knows where it is without a tag.
-        if is_fused && self.settings.pad.is_some() && !self.has_seen_tags && !self.must_relocate {
+        if is_fused && self.placement == Placement::Pad {
             self.last_fused_at = self.last_fused_at.max(Some(at));
         }
         let record = self.standstill.record.get_or_insert_with(|| standstill_record(at));
@@ -250,7 +258,7 @@ impl Localizer {
     /// The newest belief, if the position is known.
     #[must_use]
     pub fn estimate(&self) -> Option<NavEstimate> {
-        self.alignment().filter(|_| self.is_placed)
+        self.alignment().filter(|_| self.placement != Placement::Unknown)
     }
 
     /// The newest belief, even if only roll, pitch and biases mean anything ([`Health::Aligned`]):
@@ -262,7 +270,7 @@ impl Localizer {
     }
 
     fn placed_ring(&self) -> Option<&Ring> {
-        self.ring.as_ref().filter(|_| self.is_placed)
+        self.ring.as_ref().filter(|_| self.placement != Placement::Unknown)
     }
 
     /// The pose at an instant of the last second, with the covariance of its error (6×6).

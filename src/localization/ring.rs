@@ -54,10 +54,10 @@ pub struct Ring {
 }
 
 /// What became of a fix.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub enum Insertion {
     /// In the ring; the innovation says whether it passed its gate.
-    Placed(Innovation),
+    Placed(Box<Innovation>),
     /// Older than the ring.
     TooOld,
     /// Newer than the newest inertial sample by more than the tolerance.
@@ -150,7 +150,7 @@ impl Ring {
                 // A refused fix stays too: another that arrives later may lie before it and speak
                 // for it.
                 self.put(place, Entry { input: Input::Fix(Box::new(fix)), state, gain });
-                Insertion::Placed(innovation)
+                Insertion::Placed(Box::new(innovation))
             }
         }
     }
@@ -191,7 +191,7 @@ impl Ring {
                 let (innovation, gain) = state.stand(&gyro_radps);
                 let input = Input::Standstill(gyro_radps);
                 self.put(place, Entry { input, state, gain: gain.map(Box::new) });
-                Insertion::Placed(innovation)
+                Insertion::Placed(Box::new(innovation))
             }
         }
     }

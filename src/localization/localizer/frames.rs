@@ -8,7 +8,7 @@ use super::super::start::{AT_REST, IN_FLIGHT, Rest, agrees_with_gravity, set_sig
 use super::super::tag_health::TagPoints;
 use super::super::tight_update::{Frame, Sighting, Viewpoint};
 use super::super::vision_fix::{self, NoFix};
-use super::{Localizer, Update};
+use super::{Localizer, Placement, Update};
 use crate::geometry::{Body, Hall, Transform};
 use crate::messages::{
     FixOutcome, FixRecord, FixSource, Severity, StatusText, TagDetection, TagDetections, Verdict,
@@ -54,7 +54,7 @@ impl Localizer {
         }
         let mut seen = self.seen(&camera, frame);
         let motion = self.ring.as_ref().and_then(|ring| ring.motion_at(frame.captured_at));
-        let motion = motion.filter(|_| self.is_placed && !self.must_relocate);
+        let motion = motion.filter(|_| matches!(self.placement, Placement::Pad | Placement::Tags));
         if let Some((state, rate_radps)) = &motion {
             let view = Viewpoint::of(state, rate_radps);
             if self.is_frozen(camera_idx, frame, &seen, &view) {
@@ -221,14 +221,17 @@ impl Localizer {
         n_tags: usize,
         record: &mut FixRecord,
     ) {
-        if !self.is_placed {
-            record.verdict = self.start(at, fix);
-            return;
-        }
-        if self.must_relocate {
-            let is_trusted = n_tags >= MIN_TAGS_TO_RELOCATE || self.is_on_ground;
-            record.verdict = if is_trusted { self.restart(at, fix) } else { Verdict::Gated };
-            return;
+        match self.placement {
+            Placement::Unknown => {
+                record.verdict = self.start(at, fix);
+                return;
+            }
+            Placement::Stale => {
+                let is_trusted = n_tags >= MIN_TAGS_TO_RELOCATE || self.is_on_ground;
+                record.verdict = if is_trusted { self.restart(at, fix) } else { Verdict::Gated };
+                return;
+            }
+            Placement::Pad | Placement::Tags => {}
         }
         let Some(ring) = &mut self.ring else { return };
         match ring.insert_fix(at, fix.clone()) {
@@ -262,7 +265,7 @@ impl Localizer {
 
     fn note_fused(&mut self, at: Stamp<Mono>, record: &mut FixRecord) {
         self.last_fused_at = self.last_fused_at.max(Some(at));
-        self.has_seen_tags = true;
+        self.placement = Placement::Tags;
         self.gated = GatedStreak::default();
         record.verdict = Verdict::Fused;
     }
@@ -319,9 +322,7 @@ impl Localizer {
 
     const fn note_placed(&mut self, at: Stamp<Mono>) {
         self.last_fused_at = Some(at);
-        self.is_placed = true;
-        self.must_relocate = false;
-        self.has_seen_tags = true;
+        self.placement = Placement::Tags;
     }
 }
 
