@@ -9,13 +9,13 @@ use stockpilot::geometry::{Body, Hall, Point, Rotation, Transform};
 use stockpilot::mapping::kalman_grid::{self, KalmanGrid};
 use stockpilot::mapping::projection::LidarMount;
 use stockpilot::mapping::region::{Rect, Region};
-use stockpilot::mapping::sparse_gp::{Cut, Posterior, Settings, Smoothness};
+use stockpilot::mapping::sparse_gp::{Cut, Posterior, Settings};
 use stockpilot::mapping::{self, Mapper, VolumeVariance};
 use stockpilot::messages::{Beam, GridGeometry, Scan};
 use stockpilot::time::Stamp;
 
 const GP: Settings = Settings {
-    smoothness: Smoothness::ThreeHalves,
+    smoothness_nu: 1.5,
     length_scale_m: 0.5,
     reach: 1.5,
     sigma_m: 1.0,

@@ -13,7 +13,7 @@ mod load;
 pub use error::ConfigError;
 pub use file::{
     CameraSection, Config, FilterSection, HallSection, LidarSection, LinkSection, LogSection,
-    MissionSection, MountSection, PlannerName, PlanningSection, RectSection, SmoothnessName,
-    SurfaceName, SurfaceSection, TagSection, VarianceUpdateName, VolumeVarianceName,
+    MissionSection, MountSection, PlannerName, PlanningSection, RectSection, SurfaceName,
+    SurfaceSection, TagSection, VarianceUpdateName, VolumeVarianceName,
 };
 pub use load::load;

@@ -7,6 +7,7 @@
 //! Not done here: where the vehicle is (poses come in as arguments), and where to fly.
 
 pub mod kalman_grid;
+pub mod matern_kernel;
 pub mod projection;
 pub mod region;
 pub mod sparse_cholesky;

@@ -2,8 +2,8 @@
 
 use super::error::ConfigError;
 use super::file::{
-    CameraSection, Config, MountSection, PlannerName, RectSection, SmoothnessName,
-    VarianceUpdateName, VolumeVarianceName,
+    CameraSection, Config, MountSection, PlannerName, RectSection, VarianceUpdateName,
+    VolumeVarianceName,
 };
 use crate::geometry::{Body, Camera, Frame, Point, Rotation, Transform};
 use crate::localization::camera_model::CameraModel;
@@ -218,11 +218,7 @@ impl Config {
             lidar: self.lidar_mount()?,
             kalman_grid,
             gp: sparse_gp::Settings {
-                smoothness: match s.smoothness {
-                    SmoothnessName::Half => sparse_gp::Smoothness::Half,
-                    SmoothnessName::ThreeHalves => sparse_gp::Smoothness::ThreeHalves,
-                    SmoothnessName::FiveHalves => sparse_gp::Smoothness::FiveHalves,
-                },
+                smoothness_nu: within("surface.smoothness_nu", s.smoothness_nu, (0.05, 50.0), "")?,
                 length_scale_m: kalman_grid.length_scale_m,
                 reach: kalman_grid.reach,
                 sigma_m: kalman_grid.prior_sigma_m,

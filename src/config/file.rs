@@ -224,20 +224,6 @@ pub enum VolumeVarianceName {
     Full,
 }
 
-/// Smoothness ν of the field.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub enum SmoothnessName {
-    /// ν = 1/2.
-    #[serde(rename = "1/2")]
-    Half,
-    /// ν = 3/2.
-    #[serde(rename = "3/2")]
-    ThreeHalves,
-    /// ν = 5/2.
-    #[serde(rename = "5/2")]
-    FiveHalves,
-}
-
 /// The surface.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -258,8 +244,8 @@ pub struct SurfaceSection {
     pub estimates_prior_height: bool,
     /// Standard deviation `σ_f` of that expectation, m.
     pub prior_sigma_m: f64,
-    /// Smoothness ν of the field between the cells.
-    pub smoothness: SmoothnessName,
+    /// Smoothness ν of the field between the cells, no unit.
+    pub smoothness_nu: f64,
     /// The kernel is cut at its reach as printed, without the taper that keeps it valid.
     pub has_literal_cut: bool,
     /// Which law shrinks a cell's uncertainty.
@@ -285,7 +271,7 @@ impl Default for SurfaceSection {
             prior_height_m: 1.5,
             estimates_prior_height: true,
             prior_sigma_m: 1.5,
-            smoothness: SmoothnessName::ThreeHalves,
+            smoothness_nu: 1.5,
             has_literal_cut: false,
             variance_update: VarianceUpdateName::Kalman,
             volume_variance: VolumeVarianceName::Full,

@@ -321,7 +321,7 @@ mod tests {
             },
             kalman_grid,
             gp: sparse_gp::Settings {
-                smoothness: sparse_gp::Smoothness::ThreeHalves,
+                smoothness_nu: 1.5,
                 length_scale_m: 0.5,
                 reach: 1.5,
                 sigma_m: 1.5,

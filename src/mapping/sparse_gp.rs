@@ -1,7 +1,7 @@
 //! The paper's sparse Gaussian process over the height grid.
 //!
 //! ```text
-//! k(s) = σ_f² M_ν(√(2ν) s/l),   k = 0 for s > γ l
+//! k(s) = σ_f² M_ν(√(2ν) s/l),   k = 0 for s > γ l         (M_ν: see `matern_kernel`)
 //! M* = h₀ + K_*X [K_XX + Σ²]⁻¹ (Z − h₀),   Σ* = K_** − K_*X [K_XX + Σ²]⁻¹ K_X*
 //! ```
 //! - `X`: centres of the cells, which are the inducing points and the points of prediction
@@ -14,20 +14,9 @@
 //! mean; cut at γ l it is not positive definite in general, hence [`Cut::Taper`] (Wendland 1995).
 //! Checked: `prediction_matches_the_dense_formulas`.
 
+use super::matern_kernel::matern;
 use super::sparse_cholesky::{CholeskyError, SparseCholesky};
 use crate::messages::GridGeometry;
-
-/// Smoothness ν of the Matérn kernel, where it has a closed form.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Smoothness {
-    /// ν = 1/2.
-    Half,
-    /// ν = 3/2.
-    #[default]
-    ThreeHalves,
-    /// ν = 5/2.
-    FiveHalves,
-}
 
 /// How the kernel ends at γ l.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -42,8 +31,8 @@ pub enum Cut {
 /// The prior of the field.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Settings {
-    /// Smoothness ν.
-    pub smoothness: Smoothness,
+    /// Smoothness ν > 0.
+    pub smoothness_nu: f64,
     /// Length scale l, m.
     pub length_scale_m: f64,
     /// Reach γ in length scales.
@@ -58,26 +47,13 @@ pub struct Settings {
 
 impl Settings {
     /// Covariance of two points `s_m` apart, m².
-    ///
-    /// Source of the closed forms: Rasmussen and Williams 2006, eq. (4.17).
     #[must_use]
     pub fn kernel_m2(&self, s_m: f64) -> f64 {
         let reach_m = self.reach * self.length_scale_m;
         if s_m > reach_m {
             return 0.0;
         }
-        let t = s_m / self.length_scale_m;
-        let matern = match self.smoothness {
-            Smoothness::Half => (-t).exp(),
-            Smoothness::ThreeHalves => {
-                let a = 3.0_f64.sqrt() * t;
-                (1.0 + a) * (-a).exp()
-            }
-            Smoothness::FiveHalves => {
-                let a = 5.0_f64.sqrt() * t;
-                (1.0 + a + a * a / 3.0) * (-a).exp()
-            }
-        };
+        let matern = matern(self.smoothness_nu, s_m / self.length_scale_m);
         let taper = match self.cut {
             Cut::Literal => 1.0,
             Cut::Taper => wendland_c2(s_m / reach_m),
@@ -222,7 +198,7 @@ mod tests {
 
     fn settings() -> Settings {
         Settings {
-            smoothness: Smoothness::ThreeHalves,
+            smoothness_nu: 1.5,
             length_scale_m: 0.6,
             reach: 2.0,
             sigma_m: 1.3,
@@ -267,9 +243,9 @@ mod tests {
         // ν = 3/2 at s = l: (1 + √3) e^{−√3} = 0.48336
         assert!((literal.kernel_m2(0.6) - 0.483_36).abs() < 1e-5);
         // ν = 1/2 at s = l: 1/e; ν = 5/2 at s = l: (1 + √5 + 5/3) e^{−√5} = 0.52399
-        let half = Settings { smoothness: Smoothness::Half, ..literal };
+        let half = Settings { smoothness_nu: 0.5, ..literal };
         assert!((half.kernel_m2(0.6) - 0.367_88).abs() < 1e-5);
-        let five = Settings { smoothness: Smoothness::FiveHalves, ..literal };
+        let five = Settings { smoothness_nu: 2.5, ..literal };
         assert!((five.kernel_m2(0.6) - 0.523_99).abs() < 1e-5);
         assert!(literal.kernel_m2(1.21).abs() < 1e-15);
     }
@@ -280,7 +256,7 @@ mod tests {
         let grid = GridGeometry { x_min_m: 0.0, y_min_m: 0.0, cell_m: 0.2, n_cols: 20, n_rows: 20 };
         let literal = Settings {
             cut: Cut::Literal,
-            smoothness: Smoothness::FiveHalves,
+            smoothness_nu: 2.5,
             length_scale_m: 1.0,
             reach: 0.5,
             ..settings()

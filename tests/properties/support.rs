@@ -121,7 +121,7 @@ pub(crate) fn settings() -> Settings {
             lidar: lidar_mount(),
             kalman_grid: grid,
             gp: sparse_gp::Settings {
-                smoothness: sparse_gp::Smoothness::ThreeHalves,
+                smoothness_nu: 1.5,
                 length_scale_m: 0.5,
                 reach: 1.5,
                 sigma_m: 0.5,

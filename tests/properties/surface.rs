@@ -48,7 +48,7 @@ fn posterior_variance_never_exceeds_prior() {
 #[test]
 fn more_data_never_makes_the_volume_less_certain() {
     let settings = sparse_gp::Settings {
-        smoothness: sparse_gp::Smoothness::ThreeHalves,
+        smoothness_nu: 1.5,
         length_scale_m: 0.5,
         reach: 2.0,
         sigma_m: 0.8,
