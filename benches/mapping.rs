@@ -26,7 +26,12 @@ const GP: Settings = Settings {
 fn mapper() -> Mapper {
     let bounds = Rect { x_min_m: 0.0, y_min_m: 0.0, x_max_m: 20.0, y_max_m: 20.0 };
     Mapper::new(mapping::Settings {
-        region: Region { bounds, exclusions: Vec::new(), exclusion_margin_m: 0.1 },
+        region: Region {
+            bounds,
+            exclusions: Vec::new(),
+            exclusion_margin_m: 0.1,
+            bays: Vec::new(),
+        },
         cell_m: 0.25,
         base_height_m: 0.0,
         below_base_m: 0.5,

@@ -6,14 +6,22 @@
 //!
 //! Not done here: where the vehicle is (poses come in as arguments), and where to fly.
 
+pub mod base;
+pub mod bay;
+pub mod clip;
+pub mod density;
 pub mod kalman_grid;
 pub mod matern_kernel;
+pub mod polygon;
 pub mod projection;
 pub mod region;
 pub mod sparse_cholesky;
 pub mod sparse_gp;
+pub mod surveyed_base;
+pub mod triangulated_base;
 pub mod volume;
 
 mod mapper;
+mod rect;
 
 pub use mapper::{Mapper, PoseWithCov, Settings, SolveSurface, SolvedSurface, VolumeVariance};

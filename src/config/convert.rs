@@ -183,7 +183,7 @@ impl Config {
         let cell_m = within("surface.cell_m", s.cell_m, (0.05, 5.0), "m")?;
         let n_cells = width_m * depth_m / (cell_m * cell_m);
         within("cells of the region", n_cells, (1.0, 1e6), "")?;
-        let exclusions = hall.exclusions.iter().map(|e| rect("hall.exclusions", e));
+        let exclusions = hall.exclusions.iter().map(|e| rect("hall.exclusions", e).map(Into::into));
         let region = Region {
             bounds,
             exclusions: exclusions.collect::<Result<_, _>>()?,
@@ -193,6 +193,7 @@ impl Config {
                 (0.0, 2.0),
                 "m",
             )?,
+            bays: Vec::new(),
         };
         let kalman_grid = self.kalman_grid_settings()?;
         // The solve holds one number for each pair of cells within reach.

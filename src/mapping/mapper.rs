@@ -1,5 +1,6 @@
 //! The face of the mapping: scans and poses in, surface and volume out.
 
+use super::base::BaseSurface;
 use super::kalman_grid::{self, KalmanGrid};
 use super::projection::{Hit, LidarMount, project};
 use super::region::Region;
@@ -27,7 +28,7 @@ pub struct Settings {
     pub region: Region,
     /// Edge of a cell, m.
     pub cell_m: f64,
-    /// Height of the floor under the material, m.
+    /// Height of the floor under the material where no bay says otherwise, m.
     pub base_height_m: f64,
     /// Hits below the base by more than this, or above `max_height_m`, are not surface, m.
     pub below_base_m: f64,
@@ -54,6 +55,8 @@ pub struct Mapper {
     settings: Settings,
     grid: KalmanGrid,
     base: Base,
+    /// Hits below this are not surface, m.
+    lowest_m: f64,
     /// Cells whose hits may reach over an exclusion.
     is_near_exclusion: Vec<bool>,
     counts: HitCounts,
@@ -67,16 +70,16 @@ impl Mapper {
     #[must_use]
     pub fn new(settings: Settings) -> Self {
         let geometry = settings.region.grid(settings.cell_m);
-        let base = Base {
-            height_m: settings.base_height_m,
-            cell_areas_m2: settings.region.cell_areas_m2(&geometry),
-        };
+        let hall_base = BaseSurface::level(settings.base_height_m);
+        let bays = settings.region.bays_on(&geometry, &hall_base);
+        let base = Base::total(bays.iter().map(|bay| &bay.base), geometry.n_cells());
+        let lowest_m = base.lowest_m().unwrap_or(settings.base_height_m) - settings.below_base_m;
         let kalman = settings.kalman_grid;
         // Half a cell's diagonal: the hit may be anywhere in its cell.
         let reach_m = kalman.reach * kalman.length_scale_m + geometry.cell_m;
         let is_near_exclusion = settings.region.cells_near_exclusions(&geometry, reach_m);
         let grid = KalmanGrid::new(geometry, kalman);
-        Self { settings, grid, base, is_near_exclusion, counts: HitCounts::default() }
+        Self { settings, grid, base, lowest_m, is_near_exclusion, counts: HitCounts::default() }
     }
 
     /// Takes in a scan; `pose_at` gives the pose at a beam's own time.
@@ -153,8 +156,7 @@ impl Mapper {
         }
         let hit = project(mount, beam, &hall_from_body, &pose_cov);
         let p = hit.place.coords;
-        let lowest_m = self.settings.base_height_m - self.settings.below_base_m;
-        let is_surface = (lowest_m..=self.settings.max_height_m).contains(&p.z);
+        let is_surface = (self.lowest_m..=self.settings.max_height_m).contains(&p.z);
         if !is_surface || !self.settings.region.accepts(p.x, p.y) {
             return BeamFate::Outside;
         }
@@ -303,6 +305,7 @@ mod tests {
                 bounds: Rect { x_min_m: 0.0, y_min_m: 0.0, x_max_m: 6.0, y_max_m: 6.0 },
                 exclusions: Vec::new(),
                 exclusion_margin_m: 0.0,
+                bays: Vec::new(),
             },
             cell_m: 0.25,
             base_height_m: 0.0,

@@ -83,7 +83,7 @@ fn volumes_of_parts_add_up() {
         let share: Vec<f64> = (0..400).map(|_| noise.uniform()).collect();
         let part = |f: &dyn Fn(f64) -> f64| {
             let cell_areas_m2 = whole.iter().zip(&share).map(|(a, s)| a * f(*s)).collect();
-            Base { height_m: 0.3, cell_areas_m2 }.volume_m3(&heights)
+            Base::level(0.3, cell_areas_m2).volume_m3(&heights)
         };
         let (first, second, all) = (part(&|s| s), part(&|s| 1.0 - s), part(&|_| 1.0));
         assert!((first + second - all).abs() < 1e-10, "{first} + {second} is not {all}");
