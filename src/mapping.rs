@@ -8,6 +8,7 @@
 
 pub mod base;
 pub mod bay;
+pub mod change;
 pub mod clip;
 pub mod density;
 pub mod kalman_grid;
@@ -17,6 +18,7 @@ pub mod projection;
 pub mod region;
 pub mod sparse_cholesky;
 pub mod sparse_gp;
+pub mod statement;
 pub mod surveyed_base;
 pub mod triangulated_base;
 pub mod volume;
