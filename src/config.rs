@@ -5,11 +5,15 @@
 //! checked before anything starts, printed by `--print-config`, and kept in every log, so that a
 //! replay finds it.
 
+pub mod ascii_grid;
+
+mod bays;
 mod convert;
 mod error;
 mod file;
 mod load;
 
+pub use bays::{BaseSection, BaySection, ExclusionSection};
 pub use error::ConfigError;
 pub use file::{
     CameraSection, Config, FilterSection, HallSection, LidarSection, LinkSection, LogSection,

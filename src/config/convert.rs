@@ -11,7 +11,7 @@ use crate::localization::filter::ImuNoise;
 use crate::localization::marker_map::MarkerMap;
 use crate::localization::{self, vision_fix};
 use crate::mapping::projection::LidarMount;
-use crate::mapping::region::{Rect, Region};
+use crate::mapping::region::Rect;
 use crate::mapping::{self, VolumeVariance, kalman_grid, sparse_gp};
 use crate::messages::TagFamily;
 use crate::planning::trajectory::Limits;
@@ -22,7 +22,7 @@ use std::f64::consts::FRAC_PI_2;
 use std::time::Duration;
 
 /// A number inside its range, or the error that names key, value and range.
-fn within(
+pub(super) fn within(
     key: &str,
     value: f64,
     (low, high): (f64, f64),
@@ -39,7 +39,7 @@ fn seconds(key: &str, value_s: f64, range_s: (f64, f64)) -> Result<Duration, Con
     within(key, value_s, range_s, "s").map(Duration::from_secs_f64)
 }
 
-fn invalid(key: &str, message: impl Into<String>) -> ConfigError {
+pub(super) fn invalid(key: &str, message: impl Into<String>) -> ConfigError {
     ConfigError::Invalid { key: key.to_owned(), message: message.into() }
 }
 
@@ -183,18 +183,7 @@ impl Config {
         let cell_m = within("surface.cell_m", s.cell_m, (0.05, 5.0), "m")?;
         let n_cells = width_m * depth_m / (cell_m * cell_m);
         within("cells of the region", n_cells, (1.0, 1e6), "")?;
-        let exclusions = hall.exclusions.iter().map(|e| rect("hall.exclusions", e).map(Into::into));
-        let region = Region {
-            bounds,
-            exclusions: exclusions.collect::<Result<_, _>>()?,
-            exclusion_margin_m: within(
-                "hall.exclusion_margin_m",
-                hall.exclusion_margin_m,
-                (0.0, 2.0),
-                "m",
-            )?,
-            bays: Vec::new(),
-        };
+        let region = self.region(cell_m)?;
         let kalman_grid = self.kalman_grid_settings()?;
         // The solve holds one number for each pair of cells within reach.
         let reach_cells = kalman_grid.reach * kalman_grid.length_scale_m / cell_m;
@@ -412,7 +401,7 @@ fn detections_address(text: &str) -> Result<camera::Address, ConfigError> {
     }
 }
 
-fn rect(key: &str, r: &RectSection) -> Result<Rect, ConfigError> {
+pub(super) fn rect(key: &str, r: &RectSection) -> Result<Rect, ConfigError> {
     let place = |value| within(key, value, (-10_000.0, 10_000.0), "m");
     let (x_min_m, y_min_m) = (place(r.x_min_m)?, place(r.y_min_m)?);
     Ok(Rect {

@@ -1,5 +1,6 @@
 //! The twin of the configuration file.
 
+use super::bays::{BaseSection, BaySection, ExclusionSection, default_base_sigma_m};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -37,6 +38,12 @@ pub struct Config {
     pub cameras: Vec<CameraSection>,
     /// Where the tags hang.
     pub tags: Vec<TagSection>,
+    /// What is measured for itself; if empty, the whole region is one bay.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub bays: Vec<BaySection>,
+    /// What stands in the region, beside the rectangles of the hall.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub exclusions: Vec<ExclusionSection>,
 }
 
 fn default_detections() -> String {
@@ -66,6 +73,12 @@ pub struct HallSection {
     /// Height of the floor under the material, m.
     #[serde(default)]
     pub base_height_m: f64,
+    /// Its standard deviation, m.
+    #[serde(default = "default_base_sigma_m")]
+    pub base_sigma_m: f64,
+    /// Another kind of base than a level, for all bays that have none of their own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub base: Option<BaseSection>,
     /// No pile is higher than this, m.
     pub max_pile_height_m: f64,
     /// Footprints of walls and machines, not measured.
