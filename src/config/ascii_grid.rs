@@ -15,7 +15,6 @@
 //! Source: Esri, "ASCII raster format" (also GDAL's driver `AAIGrid`).
 
 use crate::messages::GridGeometry;
-use std::fmt::Write;
 
 /// Numbers on a grid; a cell without one is NaN.
 #[derive(Debug, Clone, PartialEq)]
@@ -162,15 +161,15 @@ pub fn write(grid: &GridGeometry, values: &[f64]) -> String {
         grid.n_cols, grid.n_rows, grid.x_min_m, grid.y_min_m, grid.cell_m, DEFAULT_NO_DATA
     );
     for row in values.chunks(grid.n_cols).rev() {
-        for (index, value) in row.iter().enumerate() {
-            let value = if value.is_finite() { *value } else { DEFAULT_NO_DATA };
-            let gap = if index == 0 { "" } else { " " };
-            // Writing to a string cannot fail.
-            let _ = write!(text, "{gap}{value}");
-        }
+        let words: Vec<String> = row.iter().map(|value| word_of(*value)).collect();
+        text.push_str(&words.join(" "));
         text.push('\n');
     }
     text
+}
+
+fn word_of(value: f64) -> String {
+    if value.is_finite() { value.to_string() } else { DEFAULT_NO_DATA.to_string() }
 }
 
 #[cfg(test)]

@@ -95,7 +95,8 @@ fn crossing_x(a: Place, b: Place, c: Place, d: Place) -> Option<f64> {
     let det = ab.0 * cd.1 - ab.1 * cd.0;
     let along = ((c.0 - a.0) * cd.1 - (c.1 - a.1) * cd.0) / det;
     // A little too many events do no harm; one too few would.
-    (det != 0.0 && (-1e-9..=1.0 + 1e-9).contains(&along)).then(|| a.0 + along * ab.0)
+    let is_on_it = det != 0.0 && (-1e-9..=1.0 + 1e-9).contains(&along);
+    is_on_it.then_some(a.0 + along * ab.0)
 }
 
 type Intervals = Vec<(f64, f64)>;

@@ -87,10 +87,14 @@ pub enum GpError {
 /// The posterior of the field at the cells, ready for questions.
 #[derive(Debug)]
 pub struct Posterior {
+    grid: GridGeometry,
+    settings: Settings,
     /// S = K + Σ².
     factor: SparseCholesky,
     cell_var_m2: Vec<f64>,
     mean_m: Vec<f64>,
+    /// S⁻¹ (Z − h₀), 1/m.
+    weights: Vec<f64>,
 }
 
 impl Posterior {
@@ -111,10 +115,29 @@ impl Posterior {
         })?;
         let centred: Vec<f64> = cell_mean_m.iter().map(|z| z - settings.mean_m).collect();
         let weights = factor.solve(&centred);
-        let mean_m = std::iter::zip(cell_mean_m, std::iter::zip(cell_var_m2, weights))
+        let mean_m = std::iter::zip(cell_mean_m, std::iter::zip(cell_var_m2, &weights))
             .map(|(z, (var, weight))| z - var * weight)
             .collect();
-        Ok(Self { factor, cell_var_m2: cell_var_m2.to_vec(), mean_m })
+        let cell_var_m2 = cell_var_m2.to_vec();
+        Ok(Self { grid: *grid, settings: *settings, factor, cell_var_m2, mean_m, weights })
+    }
+
+    /// Mean and variance of the surface at any place, m and m²; far from the grid the prior's.
+    ///
+    /// Cost: one solve with the factor.
+    #[must_use]
+    pub fn predict(&self, x_m: f64, y_m: f64) -> (f64, f64) {
+        let covariance = |cell| {
+            let (cell_x, cell_y) = self.grid.centre_m(cell);
+            self.settings.kernel_m2((cell_x - x_m).hypot(cell_y - y_m))
+        };
+        let covariances: Vec<f64> = (0..self.grid.n_cells()).map(covariance).collect();
+        let product = |other: &[f64]| -> f64 {
+            std::iter::zip(&covariances, other).map(|(k, value)| k * value).sum()
+        };
+        let explained_m2 = product(&self.factor.solve(&covariances));
+        let mean_m = self.settings.mean_m + product(&self.weights);
+        (mean_m, (self.settings.kernel_m2(0.0) - explained_m2).max(0.0))
     }
 
     /// M*, the mean at every cell, m.
@@ -235,6 +258,35 @@ mod tests {
         let w = DVector::from_column_slice(&weights);
         let dense_var = (w.transpose() * &cov * &w)[(0, 0)];
         assert!((posterior.sum_var(&weights) - dense_var).abs() < 1e-9);
+    }
+
+    #[test]
+    fn prediction_between_cells_matches_the_dense_formulas() {
+        let grid = GridGeometry { x_min_m: -1.0, y_min_m: 3.0, cell_m: 0.4, n_cols: 6, n_rows: 5 };
+        let n = grid.n_cells();
+        let settings = Settings { smoothness_nu: 0.8, ..settings() };
+        let mut noise = SeedBook::new(4).stream("cells");
+        let z: Vec<f64> = (0..n).map(|_| noise.normal()).collect();
+        let var: Vec<f64> = (0..n).map(|_| noise.between(0.001, 0.5)).collect();
+        let posterior = Posterior::new(&grid, &z, &var, &settings).expect("positive definite");
+        let kernel = |(xi, yi): (f64, f64), (xj, yj): (f64, f64)| {
+            settings.kernel_m2((xi - xj).hypot(yi - yj))
+        };
+        let s = DMatrix::from_fn(n, n, |i, j| {
+            kernel(grid.centre_m(i), grid.centre_m(j)) + if i == j { var[i] } else { 0.0 }
+        });
+        let inverse = s.try_inverse().expect("regular");
+        let centred = DVector::from_iterator(n, z.iter().map(|z| z - 0.7));
+        for place in [(0.13, 3.71), (-0.95, 4.99), (2.0, 2.5)] {
+            let k = DVector::from_fn(n, |i, _| kernel(place, grid.centre_m(i)));
+            let (mean_m, var_m2) = posterior.predict(place.0, place.1);
+            assert!((mean_m - 0.7 - k.dot(&(&inverse * &centred))).abs() < 1e-9);
+            assert!((var_m2 - 1.69 + k.dot(&(&inverse * &k))).abs() < 1e-9);
+        }
+        let (mean_m, var_m2) = posterior.predict(90.0, 90.0);
+        assert!((mean_m - 0.7).abs() < 1e-12 && (var_m2 - 1.69).abs() < 1e-12, "the prior");
+        let (at_cell, _) = posterior.predict(grid.centre_m(7).0, grid.centre_m(7).1);
+        assert!((at_cell - posterior.mean_m()[7]).abs() < 1e-9);
     }
 
     #[test]

@@ -194,8 +194,8 @@ mod tests {
 
     #[test]
     fn carries_move_the_place() {
-        assert_eq!(digits(3.141_59, 0.0996, 1.0), ("3.14".into(), "0.10".into()));
-        assert_eq!(digits(3.141_59, 0.0994, 1.0), ("3.142".into(), "0.099".into()));
+        assert_eq!(digits(7.248_15, 0.0996, 1.0), ("7.25".into(), "0.10".into()));
+        assert_eq!(digits(7.248_15, 0.0994, 1.0), ("7.248".into(), "0.099".into()));
         assert_eq!(digits(9.996, 0.0498, 2.0), ("10.00".into(), "0.10".into()));
         assert_eq!(digits(99_960.0, 997.0, 1.0), ("100000".into(), "1000".into()));
     }
