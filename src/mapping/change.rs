@@ -13,6 +13,8 @@
 //!
 //! Checked: `variance_meets_drawn_errors`, `the_verdict_is_wrong_as_often_as_it_says`.
 
+use super::density::{Density, Mass};
+use super::statement::{Statement, StatementError};
 use crate::messages::{BudgetSource, VolumeBudget};
 use std::collections::BTreeMap;
 
@@ -50,6 +52,33 @@ pub struct Change {
     pub verdict: ChangeVerdict,
     /// The smallest true change that is called significant in 80 % of all pairs, m³.
     pub detectable_m3: f64,
+}
+
+impl ChangeVerdict {
+    /// A short stable name, for tables and JSON.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Significant => "significant",
+            Self::Noise => "noise",
+        }
+    }
+}
+
+impl Change {
+    /// The change as y ± U in m³.
+    ///
+    /// # Errors
+    /// Numbers that cannot be stated.
+    pub fn statement(&self) -> Result<Statement, StatementError> {
+        Statement::of_volume(self.change_m3, self.sigma_m3)
+    }
+
+    /// The change in tonnes, if the material has kept its density.
+    #[must_use]
+    pub fn mass(&self, density: &Density) -> Mass {
+        density.mass(self.change_m3, self.sigma_m3)
+    }
 }
 
 /// Why two surveys cannot be compared.
@@ -293,6 +322,13 @@ mod tests {
         let found = compare([5.0, 5.0], [&first, &second], true);
         assert!((found.sigma_m3 - 2.0).abs() < 1e-12);
         assert_eq!(found.verdict, ChangeVerdict::Noise);
+        let grown = compare([5.0, 17.0], [&first, &second], true);
+        assert_eq!(grown.verdict.name(), "significant");
+        assert_eq!(grown.statement().expect("finite").to_string(), "(12.0 ± 4.0) m³ (k = 2)");
+        let mass = grown.mass(&Density { mean_t_per_m3: 1.5, sigma_t_per_m3: 0.1 });
+        // 18 t; (1.5 · 2)² + (12 · 0.1)² + (2 · 0.1)² = 10.48
+        assert!((mass.mass_t - 18.0).abs() < 1e-12);
+        assert!((mass.sigma_t.powi(2) - 10.48).abs() < 1e-9);
     }
 
     #[test]
