@@ -9,13 +9,13 @@ use stockpilot::geometry::{Body, Hall, Point, Rotation, Transform};
 use stockpilot::mapping::kalman_grid::{self, KalmanGrid};
 use stockpilot::mapping::projection::LidarMount;
 use stockpilot::mapping::region::{Rect, Region};
-use stockpilot::mapping::sparse_gp::{Cut, Posterior, Settings, Smoothness};
+use stockpilot::mapping::sparse_gp::{Cut, Posterior, Settings};
 use stockpilot::mapping::{self, Mapper, Method};
 use stockpilot::messages::{Beam, GridGeometry, PoseError, Scan};
 use stockpilot::time::{Mono, Stamp};
 
 const GP: Settings = Settings {
-    smoothness: Smoothness::ThreeHalves,
+    smoothness_nu: 1.5,
     length_scale_m: 0.5,
     reach: 1.5,
     sigma_m: 1.0,
@@ -27,7 +27,12 @@ fn mapper(method: Method) -> Mapper {
     let bounds = Rect { x_min_m: 0.0, y_min_m: 0.0, x_max_m: 20.0, y_max_m: 20.0 };
     Mapper::new(mapping::Settings {
         method,
-        region: Region { bounds, exclusions: Vec::new(), exclusion_margin_m: 0.1 },
+        region: Region {
+            bounds,
+            exclusions: Vec::new(),
+            exclusion_margin_m: 0.1,
+            bays: Vec::new(),
+        },
         cell_m: 0.25,
         base_height_m: 0.0,
         below_base_m: 0.5,

@@ -12,21 +12,32 @@
 //!
 //! Not done here: where the vehicle is (poses come in as arguments), and where to fly.
 
+pub mod base;
+pub mod bay;
 pub mod budget;
+pub mod change;
+pub mod clip;
 pub mod datum;
+pub mod density;
 pub mod field_map;
 pub mod footprint;
 pub mod grid_map;
 pub mod kalman_grid;
 pub mod matern_field;
+pub mod matern_kernel;
+pub mod polygon;
 pub mod projection;
 pub mod region;
 pub mod shares;
 pub mod sparse_cholesky;
 pub mod sparse_gp;
+pub mod statement;
+pub mod surveyed_base;
+pub mod triangulated_base;
 pub mod volume;
 
 mod mapper;
+mod rect;
 
 pub use grid_map::VolumeVariance;
 pub use mapper::{Mapper, Method, PoseWithCov, Settings, SolveError, SolveSurface, SolvedSurface};

@@ -13,7 +13,9 @@ mod vehicle;
 pub use budget::{BudgetRow, BudgetSource, SharedSensitivity, VolumeBudget};
 pub use camera::{CameraId, PointDetection, TagDetection, TagDetections, TagFamily};
 pub use imu::ImuSample;
-pub use map::{GridGeometry, HeightMap, HitCounts, VolumeAccount, VolumeEstimate, VolumeShares};
+pub use map::{
+    GridGeometry, HeightMap, HitCounts, Mass, VolumeAccount, VolumeEstimate, VolumeShares,
+};
 pub use nav::{
     FixOutcome, FixRecord, FixSource, NavEstimate, PoseError, TagSensitivity, Verdict, state,
 };

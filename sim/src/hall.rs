@@ -79,6 +79,8 @@ pub fn config(scenario: &Scenario, devices: Devices) -> Config {
         detections: devices.detections,
         cameras: vec![camera(&scenario.camera)],
         tags: tags(world, &conditions.errors),
+        bays: Vec::new(),
+        exclusions: Vec::new(),
     }
 }
 
@@ -101,6 +103,9 @@ fn hall(world: &World) -> HallSection {
     HallSection {
         region: rect(&world.region),
         base_height_m: 0.0,
+        // The worlds' floor is level by construction.
+        base_sigma_m: 0.0,
+        base: None,
         max_pile_height_m: MAX_PILE_HEIGHT_M,
         exclusions: world
             .walls_inside

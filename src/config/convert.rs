@@ -2,8 +2,8 @@
 
 use super::error::ConfigError;
 use super::file::{
-    CameraSection, Config, MountSection, PadSection, PlannerName, RectSection, SmoothnessName,
-    SurfaceName, UpdateName, VarianceUpdateName, VolumeVarianceName,
+    CameraSection, Config, MountSection, PadSection, PlannerName, RectSection, SurfaceName,
+    UpdateName, VarianceUpdateName, VolumeVarianceName,
 };
 use crate::geometry::{Body, Camera, Frame, Point, Rotation, Transform};
 use crate::localization::camera_model::{CameraModel, Lens};
@@ -12,7 +12,7 @@ use crate::localization::marker_map::MarkerMap;
 use crate::localization::{self, vision_fix};
 use crate::mapping::budget::CalibrationSigmas;
 use crate::mapping::projection::LidarMount;
-use crate::mapping::region::{Rect, Region};
+use crate::mapping::region::Rect;
 use crate::mapping::{self, VolumeVariance, field_map, grid_map, kalman_grid, sparse_gp};
 use crate::messages::TagFamily;
 use crate::planning::trajectory::Limits;
@@ -23,7 +23,7 @@ use std::f64::consts::FRAC_PI_2;
 use std::time::Duration;
 
 /// A number inside its range, or the error that names key, value and range.
-fn within(
+pub(super) fn within(
     key: &str,
     value: f64,
     (low, high): (f64, f64),
@@ -40,7 +40,7 @@ fn seconds(key: &str, value_s: f64, range_s: (f64, f64)) -> Result<Duration, Con
     within(key, value_s, range_s, "s").map(Duration::from_secs_f64)
 }
 
-fn invalid(key: &str, message: impl Into<String>) -> ConfigError {
+pub(super) fn invalid(key: &str, message: impl Into<String>) -> ConfigError {
     ConfigError::Invalid { key: key.to_owned(), message: message.into() }
 }
 
@@ -189,17 +189,7 @@ impl Config {
         let cell_m = within("surface.cell_m", s.cell_m, (0.05, 5.0), "m")?;
         let n_cells = width_m * depth_m / (cell_m * cell_m);
         within("cells of the region", n_cells, (1.0, 1e6), "")?;
-        let exclusions = hall.exclusions.iter().map(|e| rect("hall.exclusions", e));
-        let region = Region {
-            bounds,
-            exclusions: exclusions.collect::<Result<_, _>>()?,
-            exclusion_margin_m: within(
-                "hall.exclusion_margin_m",
-                hall.exclusion_margin_m,
-                (0.0, 2.0),
-                "m",
-            )?,
-        };
+        let region = self.region(cell_m)?;
         let kalman_grid = self.kalman_grid_settings()?;
         // The solve holds one number for each pair of cells within reach.
         let reach_cells = kalman_grid.reach * kalman_grid.length_scale_m / cell_m;
@@ -226,7 +216,7 @@ impl Config {
                 "m",
             )?,
             lidar: self.lidar_mount()?,
-            grid: self.grid_settings(kalman_grid),
+            grid: self.grid_settings(kalman_grid)?,
             field: self.field_settings(&kalman_grid)?,
             max_position_sigma_m: within(
                 "surface.max_position_sigma_m",
@@ -237,16 +227,15 @@ impl Config {
         })
     }
 
-    const fn grid_settings(&self, kalman_grid: kalman_grid::Settings) -> grid_map::Settings {
+    fn grid_settings(
+        &self,
+        kalman_grid: kalman_grid::Settings,
+    ) -> Result<grid_map::Settings, ConfigError> {
         let s = &self.surface;
-        grid_map::Settings {
+        Ok(grid_map::Settings {
             kalman_grid,
             gp: sparse_gp::Settings {
-                smoothness: match s.smoothness {
-                    SmoothnessName::Half => sparse_gp::Smoothness::Half,
-                    SmoothnessName::ThreeHalves => sparse_gp::Smoothness::ThreeHalves,
-                    SmoothnessName::FiveHalves => sparse_gp::Smoothness::FiveHalves,
-                },
+                smoothness_nu: within("surface.smoothness_nu", s.smoothness_nu, (0.05, 50.0), "")?,
                 length_scale_m: kalman_grid.length_scale_m,
                 reach: kalman_grid.reach,
                 sigma_m: kalman_grid.prior_sigma_m,
@@ -262,7 +251,7 @@ impl Config {
                 VolumeVarianceName::Printed => VolumeVariance::Printed,
                 VolumeVarianceName::Full => VolumeVariance::Full,
             },
-        }
+        })
     }
 
     fn field_settings(
@@ -488,7 +477,7 @@ fn detections_address(text: &str) -> Result<camera::Address, ConfigError> {
     }
 }
 
-fn rect(key: &str, r: &RectSection) -> Result<Rect, ConfigError> {
+pub(super) fn rect(key: &str, r: &RectSection) -> Result<Rect, ConfigError> {
     let place = |value| within(key, value, (-10_000.0, 10_000.0), "m");
     let (x_min_m, y_min_m) = (place(r.x_min_m)?, place(r.y_min_m)?);
     Ok(Rect {

@@ -1,5 +1,6 @@
 //! The twin of the configuration file.
 
+use super::bays::{BaseSection, BaySection, ExclusionSection, default_base_sigma_m};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -37,6 +38,12 @@ pub struct Config {
     pub cameras: Vec<CameraSection>,
     /// Where the tags hang.
     pub tags: Vec<TagSection>,
+    /// What is measured for itself; if empty, the whole region is one bay.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub bays: Vec<BaySection>,
+    /// What stands in the region, beside the rectangles of the hall.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub exclusions: Vec<ExclusionSection>,
 }
 
 fn default_detections() -> String {
@@ -66,6 +73,12 @@ pub struct HallSection {
     /// Height of the floor under the material, m.
     #[serde(default)]
     pub base_height_m: f64,
+    /// Its standard deviation, m.
+    #[serde(default = "default_base_sigma_m")]
+    pub base_sigma_m: f64,
+    /// Another kind of base than a level, for all bays that have none of their own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub base: Option<BaseSection>,
     /// No pile is higher than this, m.
     pub max_pile_height_m: f64,
     /// Footprints of walls and machines, not measured.
@@ -257,20 +270,6 @@ pub enum VolumeVarianceName {
     Full,
 }
 
-/// Smoothness ν of the field.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub enum SmoothnessName {
-    /// ν = 1/2.
-    #[serde(rename = "1/2")]
-    Half,
-    /// ν = 3/2.
-    #[serde(rename = "3/2")]
-    ThreeHalves,
-    /// ν = 5/2.
-    #[serde(rename = "5/2")]
-    FiveHalves,
-}
-
 /// The surface.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -291,8 +290,8 @@ pub struct SurfaceSection {
     pub estimates_prior_height: bool,
     /// Standard deviation `σ_f` of that expectation, m.
     pub prior_sigma_m: f64,
-    /// Smoothness ν of the field between the cells.
-    pub smoothness: SmoothnessName,
+    /// Smoothness ν of the field between the cells, no unit.
+    pub smoothness_nu: f64,
     /// The kernel is cut at its reach as printed, without the taper that keeps it valid.
     pub has_literal_cut: bool,
     /// Which law shrinks a cell's uncertainty.
@@ -373,7 +372,7 @@ impl Default for SurfaceSection {
             prior_height_m: 1.5,
             estimates_prior_height: true,
             prior_sigma_m: 1.5,
-            smoothness: SmoothnessName::ThreeHalves,
+            smoothness_nu: 1.5,
             has_literal_cut: false,
             variance_update: VarianceUpdateName::Kalman,
             volume_variance: VolumeVarianceName::Full,

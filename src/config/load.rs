@@ -20,7 +20,8 @@ impl Config {
     }
 }
 
-/// Reads a file and lays the environment and `section.key=value` overrides over it.
+/// Reads a file and lays the environment and `section.key=value` overrides over it, then reads the
+/// files that it names.
 ///
 /// # Errors
 /// An unreadable file, anything [`Config::from_toml`] refuses, an override of an unknown key.
@@ -30,7 +31,9 @@ pub fn load(path: &Path, overrides: &[String]) -> Result<Config, ConfigError> {
     // The layering below converts silently ("115200" and 1.7 become integers), so the file is
     // judged strictly first.
     Config::from_toml(&text, path)?;
-    layered(&text, config::Environment::default(), overrides)
+    let mut config = layered(&text, config::Environment::default(), overrides)?;
+    config.read_files(path.parent().unwrap_or(Path::new("")))?;
+    Ok(config)
 }
 
 fn layered(

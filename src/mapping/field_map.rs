@@ -10,16 +10,16 @@
 //!            └────────────────────────────────────────────────────────────┘
 //! ```
 
+use super::bay::BayOnGrid;
 use super::budget::{CalibrationSigmas, data_budgets};
 use super::datum::{Linearization, Turn};
 use super::footprint::Footprint;
-use super::grid_map::Bases;
+use super::grid_map::Bays;
 use super::mapper::SolvedSurface;
 use super::matern_field::{self, FieldError, Information, Lattice, Prior, Solution, Solver};
 use super::projection::LidarMount;
 use super::shares::SeenCells;
-use super::volume::Base;
-use crate::messages::{BudgetRow, BudgetSource, HeightMap, VolumeAccount, VolumeEstimate};
+use crate::messages::{BudgetRow, BudgetSource, HeightMap};
 use crate::time::{Mono, Stamp};
 use std::sync::Arc;
 
@@ -65,8 +65,8 @@ pub struct Setup {
     pub lattice: Arc<Lattice>,
     /// The LiDAR.
     pub lidar: LidarMount,
-    /// The hall, then its bays.
-    pub bases: Bases,
+    /// What is measured: the whole region, then its bays.
+    pub bays: Bays,
 }
 
 /// The newest surface, which the next solve starts from.
@@ -268,33 +268,21 @@ impl SolveField {
         let setup = &self.setup;
         let nugget_m = round.newest.hyper.nugget_m;
         let at = setup.linearization(round.linearized_at_m.as_deref(), nugget_m);
-        let adjoint = |(_, base): &(String, Base)| {
-            round.solution.adjoint(&setup.lattice.from_cells(&base.cell_areas_m2), None)
+        let adjoint = |bay: &BayOnGrid| {
+            round.solution.adjoint(&setup.lattice.from_cells(&bay.base.cell_areas_m2), None)
         };
-        let adjoints = setup.bases.iter().map(adjoint).collect::<Result<Vec<_>, _>>()?;
+        let adjoints = setup.bays.iter().map(adjoint).collect::<Result<Vec<_>, _>>()?;
         let q_m2: Vec<&[f64]> = adjoints.iter().map(|adjoint| adjoint.q.as_slice()).collect();
         let budgets = data_budgets(&self.footprints, &at, &q_m2, &setup.settings.calibration);
         let mean_m = setup.lattice.on_cells(&round.newest.heights_m);
         let seen = setup.seen(&round.data.info);
         let range_m = round.newest.hyper.range_m;
-        let accounts = std::iter::zip(setup.bases.iter(), std::iter::zip(adjoints, budgets))
-            .map(|((name, base), (adjoint, mut budget))| {
-                budget.rows.insert(
-                    0,
-                    BudgetRow { source: BudgetSource::Prior, var_m6: adjoint.prior_var },
-                );
-                let thickness_m: Vec<f64> = mean_m.iter().map(|h| h - base.height_m).collect();
-                VolumeAccount {
-                    name: name.clone(),
-                    estimate: VolumeEstimate {
-                        at: self.at,
-                        volume_m3: base.volume_m3(&mean_m),
-                        sigma_m3: budget.var_m6().max(0.0).sqrt(),
-                        coverage_ratio: base.area_share(|cell| seen.is_hit(cell)),
-                    },
-                    budget,
-                    shares: seen.shares(&base.cell_areas_m2, &thickness_m, range_m),
-                }
+        let accounts = std::iter::zip(setup.bays.iter(), std::iter::zip(adjoints, budgets))
+            .map(|(bay, (adjoint, mut budget))| {
+                let prior = BudgetRow { source: BudgetSource::Prior, var_m6: adjoint.prior_var };
+                budget.rows.insert(0, prior);
+                budget.push_shared(BudgetSource::Base, &bay.base_errors);
+                bay.account(self.at, &mean_m, budget, &seen, range_m)
             })
             .collect();
         let sigma_m = setup

@@ -1,14 +1,14 @@
 //! The paper's map of a flight: a height grid, and a sparse Gaussian process over it.
 
+use super::bay::BayOnGrid;
 use super::kalman_grid::{self, KalmanGrid};
 use super::mapper::SolvedSurface;
 use super::projection::Hit;
 use super::region::Region;
 use super::shares::SeenCells;
 use super::sparse_gp::{self, GpError, Posterior};
-use super::volume::Base;
 use crate::messages::{
-    BudgetRow, BudgetSource, GridGeometry, HeightMap, VolumeAccount, VolumeBudget, VolumeEstimate,
+    BudgetRow, BudgetSource, GridGeometry, HeightMap, VolumeAccount, VolumeBudget,
 };
 use crate::time::{Mono, Stamp};
 use std::sync::Arc;
@@ -43,7 +43,7 @@ impl Default for Settings {
         Self {
             kalman_grid,
             gp: sparse_gp::Settings {
-                smoothness: sparse_gp::Smoothness::ThreeHalves,
+                smoothness_nu: 1.5,
                 length_scale_m: kalman_grid.length_scale_m,
                 reach: kalman_grid.reach,
                 sigma_m: kalman_grid.prior_sigma_m,
@@ -56,15 +56,15 @@ impl Default for Settings {
     }
 }
 
-/// What is measured: the hall, then its bays.
-pub type Bases = Arc<Vec<(String, Base)>>;
+/// What is measured: the whole region, then its bays if it has more than one.
+pub type Bays = Arc<Vec<BayOnGrid>>;
 
 /// The growing grid of one flight.
 #[derive(Debug, Clone)]
 pub struct GridMap {
     settings: Settings,
     grid: KalmanGrid,
-    bases: Bases,
+    bays: Bays,
     /// Cells whose hits may reach over an exclusion.
     is_near_exclusion: Vec<bool>,
 }
@@ -72,12 +72,12 @@ pub struct GridMap {
 impl GridMap {
     /// A grid at its prior.
     #[must_use]
-    pub fn new(settings: Settings, region: &Region, geometry: GridGeometry, bases: Bases) -> Self {
+    pub fn new(settings: Settings, region: &Region, geometry: GridGeometry, bays: Bays) -> Self {
         let kalman = settings.kalman_grid;
         // Half a cell's diagonal: the hit may be anywhere in its cell.
         let reach_m = kalman.reach * kalman.length_scale_m + geometry.cell_m;
         let is_near_exclusion = region.cells_near_exclusions(&geometry, reach_m);
-        Self { settings, grid: KalmanGrid::new(geometry, kalman), bases, is_near_exclusion }
+        Self { settings, grid: KalmanGrid::new(geometry, kalman), bays, is_near_exclusion }
     }
 
     /// Begins a new map.
@@ -108,13 +108,13 @@ impl GridMap {
     #[must_use]
     pub fn cell_volumes(&self, at: Stamp<Mono>) -> Vec<VolumeAccount> {
         let seen = self.seen();
-        let account = |(name, base): &(String, Base)| {
-            let areas_m2 = &base.cell_areas_m2;
+        let account = |bay: &BayOnGrid| {
+            let areas_m2 = &bay.base.cell_areas_m2;
             let var_m6 = std::iter::zip(areas_m2, self.grid.var_m2()).map(|(a, v)| a * a * v).sum();
             let range_m = self.settings.gp.length_scale_m;
-            account(at, name, base, self.grid.mean_m(), var_m6, &seen, range_m)
+            account(at, bay, self.grid.mean_m(), var_m6, &seen, range_m)
         };
-        self.bases.iter().map(account).collect()
+        self.bays.iter().map(account).collect()
     }
 
     fn seen(&self) -> SeenCells {
@@ -125,11 +125,10 @@ impl GridMap {
     /// h0: configured, or the mean height of the cells that a beam has hit.
     fn prior_height_m(&self) -> f64 {
         let configured_m = self.settings.kalman_grid.prior_height_m;
-        let Some((_, hall)) = self.bases.first().filter(|_| self.settings.estimates_prior_height)
-        else {
+        let Some(hall) = self.bays.first().filter(|_| self.settings.estimates_prior_height) else {
             return configured_m;
         };
-        let areas_m2 = hall.cell_areas_m2.iter().zip(self.grid.n_hits());
+        let areas_m2 = hall.base.cell_areas_m2.iter().zip(self.grid.n_hits());
         let (area_m2, volume_m3) = std::iter::zip(areas_m2, self.grid.mean_m())
             .filter(|((_, n_hits), _)| **n_hits > 0)
             .fold((0.0, 0.0), |(area, volume), ((a, _), mean)| (area + a, volume + a * mean));
@@ -146,7 +145,7 @@ impl GridMap {
             cell_mean_m: self.grid.mean_on_prior_m(prior_height_m),
             cell_var_m2: self.grid.var_m2().to_vec(),
             seen: self.seen(),
-            bases: Arc::clone(&self.bases),
+            bays: Arc::clone(&self.bays),
             gp: sparse_gp::Settings { mean_m: prior_height_m, ..self.settings.gp },
             volume_variance: self.settings.volume_variance,
             wants_marginals,
@@ -157,26 +156,14 @@ impl GridMap {
 /// One volume of the grid: the paper knows one source, the cells' variances.
 fn account(
     at: Stamp<Mono>,
-    name: &str,
-    base: &Base,
+    bay: &BayOnGrid,
     mean_m: &[f64],
     var_m6: f64,
     seen: &SeenCells,
     range_m: f64,
 ) -> VolumeAccount {
-    let thickness_m: Vec<f64> = mean_m.iter().map(|h| h - base.height_m).collect();
     let rows = vec![BudgetRow { source: BudgetSource::BeamNoise, var_m6 }];
-    VolumeAccount {
-        name: name.to_owned(),
-        estimate: VolumeEstimate {
-            at,
-            volume_m3: base.volume_m3(mean_m),
-            sigma_m3: var_m6.max(0.0).sqrt(),
-            coverage_ratio: base.area_share(|cell| seen.is_hit(cell)),
-        },
-        budget: VolumeBudget { rows, shared: Vec::new() },
-        shares: seen.shares(&base.cell_areas_m2, &thickness_m, range_m),
-    }
+    bay.account(at, mean_m, VolumeBudget { rows, shared: Vec::new() }, seen, range_m)
 }
 
 /// The work of turning cells into a surface and its volumes; a pure function of its fields.
@@ -187,7 +174,7 @@ pub struct SolveGrid {
     cell_mean_m: Vec<f64>,
     cell_var_m2: Vec<f64>,
     seen: SeenCells,
-    bases: Bases,
+    bays: Bays,
     gp: sparse_gp::Settings,
     volume_variance: VolumeVariance,
     wants_marginals: bool,
@@ -205,8 +192,8 @@ impl SolveGrid {
             self.wants_marginals || self.volume_variance == VolumeVariance::Printed;
         let var_m2 =
             if needs_marginals { posterior.marginal_var_m2() } else { self.cell_var_m2.clone() };
-        let account = |(name, base): &(String, Base)| {
-            let areas_m2 = &base.cell_areas_m2;
+        let account = |bay: &BayOnGrid| {
+            let areas_m2 = &bay.base.cell_areas_m2;
             let var_m6 = match self.volume_variance {
                 VolumeVariance::Full => posterior.sum_var(areas_m2),
                 VolumeVariance::Printed => {
@@ -214,7 +201,7 @@ impl SolveGrid {
                 }
             };
             let mean_m = posterior.mean_m();
-            account(self.at, name, base, mean_m, var_m6, &self.seen, self.gp.length_scale_m)
+            account(self.at, bay, mean_m, var_m6, &self.seen, self.gp.length_scale_m)
         };
         let surface = HeightMap {
             at: self.at,
@@ -222,7 +209,7 @@ impl SolveGrid {
             mean_m: posterior.mean_m().to_vec(),
             sigma_m: var_m2.iter().map(|var| var.sqrt()).collect(),
         };
-        let accounts = self.bases.iter().map(account).collect();
+        let accounts = self.bays.iter().map(account).collect();
         Ok(SolvedSurface { accounts, surface, n_beams_refused: 0, newest: None })
     }
 }

@@ -1,8 +1,10 @@
 //! The face of the mapping: scans and poses in, surface and volumes out.
 
+use super::base::BaseSurface;
+use super::bay::{BayOnGrid, WHOLE_REGION};
 use super::field_map::{self, FieldMap, NewestField, Setup, SolveField};
 use super::footprint::{Footprint, PatchGatherer};
-use super::grid_map::{self, Bases, GridMap, SolveGrid};
+use super::grid_map::{self, Bays, GridMap, SolveGrid};
 use super::kalman_grid::KalmanGrid;
 use super::matern_field::{FieldError, Lattice};
 use super::projection::{Hit, LidarMount, project};
@@ -35,7 +37,7 @@ pub struct Settings {
     pub region: Region,
     /// Edge of a cell, m.
     pub cell_m: f64,
-    /// Height of the floor under the material, m.
+    /// Height of the floor under the material where no bay says otherwise, m.
     pub base_height_m: f64,
     /// Hits below the base by more than this, or above `max_height_m`, are not surface, m.
     pub below_base_m: f64,
@@ -57,7 +59,9 @@ pub struct Mapper {
     settings: Settings,
     grid: GridMap,
     field: Option<FieldMap>,
-    bases: Bases,
+    bays: Bays,
+    /// Hits below this are not surface, m.
+    lowest_m: f64,
     counts: HitCounts,
 }
 
@@ -72,15 +76,19 @@ impl Mapper {
     #[must_use]
     pub fn new(settings: Settings) -> Self {
         let geometry = settings.region.grid(settings.cell_m);
-        let hall = Base {
-            height_m: settings.base_height_m,
-            cell_areas_m2: settings.region.cell_areas_m2(&geometry),
-        };
-        let bases: Bases = Arc::new(vec![("hall".to_owned(), hall)]);
-        let grid = GridMap::new(settings.grid, &settings.region, geometry, Arc::clone(&bases));
+        let bays: Bays = Arc::new(whole_and_bays(&settings, &geometry));
+        let lowest_m = bays[0].base.lowest_m().unwrap_or(settings.base_height_m);
+        let grid = GridMap::new(settings.grid, &settings.region, geometry, Arc::clone(&bays));
         let field = (settings.method == Method::MaternField)
-            .then(|| FieldMap::new(field_setup(&settings, &geometry, &bases)));
-        Self { settings, grid, field, bases, counts: HitCounts::default() }
+            .then(|| FieldMap::new(field_setup(&settings, &geometry, &bays)));
+        Self {
+            lowest_m: lowest_m - settings.below_base_m,
+            settings,
+            grid,
+            field,
+            bays,
+            counts: HitCounts::default(),
+        }
     }
 
     /// Takes in a turn of the scanner; `pose_at` gives the pose at a beam's own time, `error_at` the
@@ -189,8 +197,7 @@ impl Mapper {
         }
         let hit = project(mount, beam, &hall_from_body, &pose_cov);
         let p = hit.place.coords;
-        let lowest_m = self.settings.base_height_m - self.settings.below_base_m;
-        let is_surface = (lowest_m..=self.settings.max_height_m).contains(&p.z);
+        let is_surface = (self.lowest_m..=self.settings.max_height_m).contains(&p.z);
         if !is_surface || !self.settings.region.accepts(p.x, p.y) {
             return Err(Fate::Outside);
         }
@@ -212,7 +219,7 @@ impl Mapper {
     /// Which area counts.
     #[must_use]
     pub fn base(&self) -> &Base {
-        &self.bases[0].1
+        &self.bays[0].base
     }
 
     /// Everything a solve of the surface needs, as it is now.
@@ -239,7 +246,25 @@ fn middle_of(scan: &Scan) -> Stamp<Mono> {
         .plus(Duration::from_nanos(scan.beams.last().map_or(0, |b| u64::from(b.offset_ns) / 2)))
 }
 
-fn field_setup(settings: &Settings, geometry: &GridGeometry, bases: &Bases) -> Arc<Setup> {
+/// The whole region, then its bays if it has more than one.
+fn whole_and_bays(settings: &Settings, geometry: &GridGeometry) -> Vec<BayOnGrid> {
+    let hall_base = BaseSurface::level(settings.base_height_m);
+    let mut bays = settings.region.bays_on(geometry, &hall_base);
+    if bays.len() > 1 {
+        let density = bays[0].density;
+        let whole = BayOnGrid {
+            name: WHOLE_REGION.to_owned(),
+            base: Base::total(bays.iter().map(|bay| &bay.base), geometry.n_cells()),
+            base_errors: bays.iter().flat_map(|bay| bay.base_errors.clone()).collect(),
+            // Tonnes add up only for one material.
+            density: density.filter(|_| bays.iter().all(|bay| bay.density == density)),
+        };
+        bays.insert(0, whole);
+    }
+    bays
+}
+
+fn field_setup(settings: &Settings, geometry: &GridGeometry, bays: &Bays) -> Arc<Setup> {
     let padding_m = PADDING_RANGES * settings.field.range_m;
     Arc::new(Setup {
         settings: settings.field,
@@ -247,7 +272,7 @@ fn field_setup(settings: &Settings, geometry: &GridGeometry, bases: &Bases) -> A
             settings.region.separates(a, b)
         })),
         lidar: settings.lidar.clone(),
-        bases: Arc::clone(bases),
+        bays: Arc::clone(bays),
     })
 }
 
@@ -321,6 +346,7 @@ mod tests {
                 bounds: Rect { x_min_m: 0.0, y_min_m: 0.0, x_max_m: 6.0, y_max_m: 6.0 },
                 exclusions: Vec::new(),
                 exclusion_margin_m: 0.0,
+                bays: Vec::new(),
             },
             cell_m: 0.25,
             base_height_m: 0.0,

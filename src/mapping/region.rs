@@ -1,69 +1,67 @@
 //! Which part of the hall is measured, and what of it does not count.
 
+use super::base::BaseSurface;
+use super::bay::{Bay, BayError, BayOnGrid, WHOLE_REGION, check_outlines};
+use super::clip::{Part, part_of};
+use super::polygon::{Place, Polygon};
 use crate::messages::GridGeometry;
 
-/// A rectangle along the hall's axes, m.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Rect {
-    /// Smallest x, m.
-    pub x_min_m: f64,
-    /// Smallest y, m.
-    pub y_min_m: f64,
-    /// Largest x, m.
-    pub x_max_m: f64,
-    /// Largest y, m.
-    pub y_max_m: f64,
+pub use super::rect::Rect;
+
+/// What stands in the region: not material, not measured.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Footprint {
+    /// A rectangle along the hall's axes. Its margin has square corners.
+    Rect(Rect),
+    /// Any polygon. Its margin is round.
+    Polygon(Polygon),
 }
 
-impl Rect {
-    /// True if (x, y) lies in the rectangle or at most `margin_m` beside it.
+impl From<Rect> for Footprint {
+    fn from(rect: Rect) -> Self {
+        Self::Rect(rect)
+    }
+}
+
+impl Footprint {
+    /// True if (x, y) lies inside or at most `margin_m` beside it.
     #[must_use]
     pub fn contains(&self, x_m: f64, y_m: f64, margin_m: f64) -> bool {
-        x_m >= self.x_min_m - margin_m
-            && x_m <= self.x_max_m + margin_m
-            && y_m >= self.y_min_m - margin_m
-            && y_m <= self.y_max_m + margin_m
+        match self {
+            Self::Rect(rect) => rect.contains(x_m, y_m, margin_m),
+            Self::Polygon(polygon) => polygon.is_within(x_m, y_m, margin_m),
+        }
     }
 
-    /// True if the straight line between two points (x, y) touches the rectangle.
-    ///
-    /// Source: the slab test of Kay and Kajiya 1986, in two dimensions.
+    /// True if the straight line between two points (x, y) touches it.
     #[must_use]
-    pub fn cuts(&self, a: (f64, f64), b: (f64, f64)) -> bool {
-        let slab = |a: f64, b: f64, low: f64, high: f64| {
-            let step = b - a;
-            if step == 0.0 {
-                let is_between = (low..=high).contains(&a);
-                return if is_between { (0.0, 1.0) } else { (1.0, 0.0) };
-            }
-            let (s, t) = ((low - a) / step, (high - a) / step);
-            (s.min(t).max(0.0), s.max(t).min(1.0))
-        };
-        let (x_in, x_out) = slab(a.0, b.0, self.x_min_m, self.x_max_m);
-        let (y_in, y_out) = slab(a.1, b.1, self.y_min_m, self.y_max_m);
-        x_in.max(y_in) <= x_out.min(y_out)
+    pub fn cuts(&self, a: Place, b: Place) -> bool {
+        match self {
+            Self::Rect(rect) => rect.cuts(a, b),
+            Self::Polygon(polygon) => polygon.cuts(a, b),
+        }
     }
 
-    /// Extent along x and y, m.
-    #[must_use]
-    pub fn size_m(&self) -> (f64, f64) {
-        (self.x_max_m - self.x_min_m, self.y_max_m - self.y_min_m)
+    fn to_polygon(&self) -> Polygon {
+        match self {
+            Self::Rect(rect) => Polygon::from(*rect),
+            Self::Polygon(polygon) => polygon.clone(),
+        }
     }
 }
 
-/// The region of interest D without what stands in it.
+/// The region of interest D, its bays and what stands in it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Region {
     /// The region of interest.
     pub bounds: Rect,
-    /// Footprints of walls and machines: not material, not measured.
-    pub exclusions: Vec<Rect>,
+    /// Footprints of walls, machines, beams.
+    pub exclusions: Vec<Footprint>,
     /// Hits this close to an exclusion are left out as well, m.
     pub exclusion_margin_m: f64,
+    /// What is measured for itself; if empty, the whole region is one bay.
+    pub bays: Vec<Bay>,
 }
-
-/// Points per cell edge when areas are cut by borders: 1/32 of an edge, 8 mm at 0.25 m.
-const SAMPLES_PER_EDGE: u32 = 32;
 
 impl Region {
     /// The grid of square cells that covers the region.
@@ -113,29 +111,113 @@ impl Region {
     /// The area of each cell that counts, m²: inside the region and outside the exclusions.
     #[must_use]
     pub fn cell_areas_m2(&self, grid: &GridGeometry) -> Vec<f64> {
-        (0..grid.n_cells()).map(|index| self.cell_area_m2(grid, index)).collect()
+        let mut areas_m2 = vec![0.0; grid.n_cells()];
+        for (cell, part) in self.parts_of(&Polygon::from(self.bounds), grid) {
+            areas_m2[cell] = part.area_m2;
+        }
+        areas_m2
     }
 
-    fn cell_area_m2(&self, grid: &GridGeometry, index: usize) -> f64 {
-        let (x, y) = grid.centre_m(index);
-        let half_m = grid.cell_m / 2.0;
-        let is_whole = self.bounds.contains(x, y, -half_m)
-            && !self.exclusions.iter().any(|e| e.contains(x, y, half_m));
-        if is_whole {
-            return grid.cell_area_m2();
+    /// The bays on a grid; without any, the whole region over `hall_base`.
+    ///
+    /// Ground where an earlier survey as a base has no height does not count;
+    /// [`Self::check_bays`] refuses such bays before a flight.
+    #[must_use]
+    pub fn bays_on(&self, grid: &GridGeometry, hall_base: &BaseSurface) -> Vec<BayOnGrid> {
+        if self.bays.is_empty() {
+            let bay = Bay {
+                name: WHOLE_REGION.to_owned(),
+                outline: Polygon::from(self.bounds),
+                base: hall_base.clone(),
+                density: None,
+            };
+            return vec![bay.on_grid(self, grid)];
         }
-        let offset = |k: u32| (f64::from(k) + 0.5) / f64::from(SAMPLES_PER_EDGE) - 0.5;
-        let counts = |i: u32, j: u32| {
-            let (px, py) = (x + offset(i) * grid.cell_m, y + offset(j) * grid.cell_m);
-            self.bounds.contains(px, py, 0.0)
-                && !self.exclusions.iter().any(|e| e.contains(px, py, 0.0))
-        };
-        let n_inside = (0..SAMPLES_PER_EDGE)
-            .flat_map(|j| (0..SAMPLES_PER_EDGE).map(move |i| (i, j)))
-            .filter(|&(i, j)| counts(i, j))
-            .fold(0.0, |n, _| n + 1.0);
-        grid.cell_area_m2() * n_inside / f64::from(SAMPLES_PER_EDGE * SAMPLES_PER_EDGE)
+        self.bays.iter().map(|bay| bay.on_grid(self, grid)).collect()
     }
+
+    /// Checks that the bays lie in the region and do not overlap, that something is left of each,
+    /// and that there is a base everywhere below it.
+    ///
+    /// # Errors
+    /// The first bay that does not fit.
+    pub fn check_bays(&self, grid: &GridGeometry) -> Result<(), BayError> {
+        check_outlines(&self.bays, &self.bounds)?;
+        self.bays.iter().try_for_each(|bay| bay.check_ground(self, grid))
+    }
+
+    /// What every cell has of an outline, inside the region and outside of the exclusions; cells
+    /// with nothing of it are left out.
+    #[must_use]
+    pub(super) fn parts_of(&self, outline: &Polygon, grid: &GridGeometry) -> Vec<(usize, Part)> {
+        let bounds = Polygon::from(self.bounds);
+        let exclusions: Vec<Polygon> = self.exclusions.iter().map(Footprint::to_polygon).collect();
+        let inside = [&bounds, outline];
+        let outside: Vec<&Polygon> = exclusions.iter().collect();
+        let is_cut = cells_on_borders(grid, inside.into_iter().chain(&exclusions));
+        let part = |cell: usize| {
+            let (x, y) = grid.centre_m(cell);
+            if is_cut[cell] {
+                return part_of(&cell_rect(grid, cell), &inside, &outside);
+            }
+            let counts = inside.iter().all(|polygon| polygon.contains(x, y))
+                && !exclusions.iter().any(|polygon| polygon.contains(x, y));
+            let area_m2 = if counts { grid.cell_area_m2() } else { 0.0 };
+            Part { area_m2, centroid_m: (x, y) }
+        };
+        (0..grid.n_cells())
+            .map(|cell| (cell, part(cell)))
+            .filter(|(_, part)| part.area_m2 > 0.0)
+            .collect()
+    }
+}
+
+/// A cell as a rectangle; neighbours share their sides to the last bit.
+#[expect(clippy::cast_precision_loss, reason = "cell counts stay far below 2^53")]
+fn cell_rect(grid: &GridGeometry, index: usize) -> Rect {
+    let (row, col) = (index / grid.n_cols, index % grid.n_cols);
+    let x_m = |col: usize| grid.x_min_m + col as f64 * grid.cell_m;
+    let y_m = |row: usize| grid.y_min_m + row as f64 * grid.cell_m;
+    Rect { x_min_m: x_m(col), y_min_m: y_m(row), x_max_m: x_m(col + 1), y_max_m: y_m(row + 1) }
+}
+
+/// True for every cell that an edge of the polygons may touch.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::cast_precision_loss,
+    reason = "numbers are clamped to the grid before the cast"
+)]
+fn cells_on_borders<'a>(
+    grid: &GridGeometry,
+    polygons: impl Iterator<Item = &'a Polygon>,
+) -> Vec<bool> {
+    let mut is_cut = vec![false; grid.n_cells()];
+    // In cells, and a little wider, so that an edge on the line between cells marks both.
+    let cells = |value: f64, first: f64| (value - first) / grid.cell_m;
+    let range = |a: f64, b: f64, n: usize| {
+        let low = (a.min(b) - 1e-6).floor().clamp(0.0, n as f64);
+        let high = ((a.max(b) + 1e-6).floor() + 1.0).clamp(0.0, n as f64);
+        low as usize..high as usize
+    };
+    for (a, b) in polygons.flat_map(Polygon::edges) {
+        let (ax, ay) = (cells(a.0, grid.x_min_m), cells(a.1, grid.y_min_m));
+        let (bx, by) = (cells(b.0, grid.x_min_m), cells(b.1, grid.y_min_m));
+        for row in range(ay, by, grid.n_rows) {
+            // The edge's x within this row.
+            let x_at = |y: f64| {
+                let along = ((y - ay) / (by - ay)).clamp(0.0, 1.0);
+                if along.is_finite() { ax + along * (bx - ax) } else { ax }
+            };
+            let is_level = (by - ay).abs() < 1e-9;
+            let (low, high) =
+                if is_level { (ax, bx) } else { (x_at(row as f64), x_at(row as f64 + 1.0)) };
+            for col in range(low, high, grid.n_cols) {
+                is_cut[grid.index(col, row)] = true;
+            }
+        }
+    }
+    is_cut
 }
 
 #[cfg(test)]
@@ -147,35 +229,24 @@ mod tests {
         let region = Region {
             bounds: Rect { x_min_m: -1.0, y_min_m: 2.0, x_max_m: 14.8, y_max_m: 17.3 },
             exclusions: vec![
-                Rect { x_min_m: 3.0, y_min_m: 4.0, x_max_m: 3.3, y_max_m: 9.0 },
-                Rect { x_min_m: 3.0, y_min_m: 8.7, x_max_m: 7.0, y_max_m: 9.0 },
+                Rect { x_min_m: 3.0, y_min_m: 4.0, x_max_m: 3.3, y_max_m: 9.0 }.into(),
+                Rect { x_min_m: 3.0, y_min_m: 8.7, x_max_m: 7.0, y_max_m: 9.0 }.into(),
             ],
             exclusion_margin_m: 0.1,
+            bays: Vec::new(),
         };
         let grid = region.grid(0.25);
         assert_eq!((grid.n_cols, grid.n_rows), (64, 62));
         let total: f64 = region.cell_areas_m2(&grid).iter().sum();
         // 15.8 × 15.3 − 0.3 × 5 − 4 × 0.3 + 0.3 × 0.3 (the corner belongs to both walls)
         let expected = 15.8 * 15.3 - 1.5 - 1.2 + 0.09;
-        // Borders are known to half a sample, 4 mm, along 80 m.
-        assert!((total - expected).abs() < 0.004 * 80.0, "{total} against {expected}");
-    }
-
-    #[test]
-    fn walls_separate_what_lies_on_their_sides() {
-        let wall = Rect { x_min_m: 3.0, y_min_m: 4.0, x_max_m: 3.3, y_max_m: 9.0 };
-        assert!(wall.cuts((2.5, 6.0), (3.8, 6.4)));
-        assert!(wall.cuts((2.5, 3.5), (3.5, 4.9)), "just inside the wall's end");
-        assert!(!wall.cuts((2.5, 3.0), (3.8, 3.9)), "past the wall's end");
-        assert!(!wall.cuts((2.5, 6.0), (2.9, 8.0)), "on one side");
-        assert!(wall.cuts((3.1, 2.0), (3.1, 5.0)), "along the wall");
-        assert!(!wall.cuts((2.9, 2.0), (2.9, 5.0)), "beside the wall");
+        assert!((total - expected).abs() < 1e-10, "{total} against {expected}");
     }
 
     #[test]
     fn whole_cells_do_not_gain_a_column() {
         let bounds = Rect { x_min_m: 0.0, y_min_m: 0.0, x_max_m: 20.0, y_max_m: 20.0 };
-        let region = Region { bounds, exclusions: Vec::new(), exclusion_margin_m: 0.0 };
+        let region = Region { bounds, exclusions: vec![], exclusion_margin_m: 0.0, bays: vec![] };
         assert_eq!(region.grid(0.1).n_cols, 200);
         assert!(!region.accepts(20.01, 3.0) && region.accepts(19.99, 3.0));
     }

@@ -1,7 +1,7 @@
 //! The paper's sparse Gaussian process over the height grid.
 //!
 //! ```text
-//! k(s) = σ_f² M_ν(√(2ν) s/l),   k = 0 for s > γ l
+//! k(s) = σ_f² M_ν(√(2ν) s/l),   k = 0 for s > γ l         (M_ν: see `matern_kernel`)
 //! M* = h₀ + K_*X [K_XX + Σ²]⁻¹ (Z − h₀),   Σ* = K_** − K_*X [K_XX + Σ²]⁻¹ K_X*
 //! ```
 //! - `X`: centres of the cells, which are the inducing points and the points of prediction
@@ -14,20 +14,9 @@
 //! mean; cut at γ l it is not positive definite in general, hence [`Cut::Taper`] (Wendland 1995).
 //! Checked: `prediction_matches_the_dense_formulas`.
 
+use super::matern_kernel::matern;
 use super::sparse_cholesky::{CholeskyError, SparseCholesky};
 use crate::messages::GridGeometry;
-
-/// Smoothness ν of the Matérn kernel, where it has a closed form.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Smoothness {
-    /// ν = 1/2.
-    Half,
-    /// ν = 3/2.
-    #[default]
-    ThreeHalves,
-    /// ν = 5/2.
-    FiveHalves,
-}
 
 /// How the kernel ends at γ l.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -42,8 +31,8 @@ pub enum Cut {
 /// The prior of the field.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Settings {
-    /// Smoothness ν.
-    pub smoothness: Smoothness,
+    /// Smoothness ν > 0.
+    pub smoothness_nu: f64,
     /// Length scale l, m.
     pub length_scale_m: f64,
     /// Reach γ in length scales.
@@ -58,26 +47,13 @@ pub struct Settings {
 
 impl Settings {
     /// Covariance of two points `s_m` apart, m².
-    ///
-    /// Source of the closed forms: Rasmussen and Williams 2006, eq. (4.17).
     #[must_use]
     pub fn kernel_m2(&self, s_m: f64) -> f64 {
         let reach_m = self.reach * self.length_scale_m;
         if s_m > reach_m {
             return 0.0;
         }
-        let t = s_m / self.length_scale_m;
-        let matern = match self.smoothness {
-            Smoothness::Half => (-t).exp(),
-            Smoothness::ThreeHalves => {
-                let a = 3.0_f64.sqrt() * t;
-                (1.0 + a) * (-a).exp()
-            }
-            Smoothness::FiveHalves => {
-                let a = 5.0_f64.sqrt() * t;
-                (1.0 + a + a * a / 3.0) * (-a).exp()
-            }
-        };
+        let matern = matern(self.smoothness_nu, s_m / self.length_scale_m);
         let taper = match self.cut {
             Cut::Literal => 1.0,
             Cut::Taper => wendland_c2(s_m / reach_m),
@@ -111,10 +87,14 @@ pub enum GpError {
 /// The posterior of the field at the cells, ready for questions.
 #[derive(Debug)]
 pub struct Posterior {
+    grid: GridGeometry,
+    settings: Settings,
     /// S = K + Σ².
     factor: SparseCholesky,
     cell_var_m2: Vec<f64>,
     mean_m: Vec<f64>,
+    /// S⁻¹ (Z − h₀), 1/m.
+    weights: Vec<f64>,
 }
 
 impl Posterior {
@@ -135,10 +115,29 @@ impl Posterior {
         })?;
         let centred: Vec<f64> = cell_mean_m.iter().map(|z| z - settings.mean_m).collect();
         let weights = factor.solve(&centred);
-        let mean_m = std::iter::zip(cell_mean_m, std::iter::zip(cell_var_m2, weights))
+        let mean_m = std::iter::zip(cell_mean_m, std::iter::zip(cell_var_m2, &weights))
             .map(|(z, (var, weight))| z - var * weight)
             .collect();
-        Ok(Self { factor, cell_var_m2: cell_var_m2.to_vec(), mean_m })
+        let cell_var_m2 = cell_var_m2.to_vec();
+        Ok(Self { grid: *grid, settings: *settings, factor, cell_var_m2, mean_m, weights })
+    }
+
+    /// Mean and variance of the surface at any place, m and m²; far from the grid the prior's.
+    ///
+    /// Cost: one solve with the factor.
+    #[must_use]
+    pub fn predict(&self, x_m: f64, y_m: f64) -> (f64, f64) {
+        let covariance = |cell| {
+            let (cell_x, cell_y) = self.grid.centre_m(cell);
+            self.settings.kernel_m2((cell_x - x_m).hypot(cell_y - y_m))
+        };
+        let covariances: Vec<f64> = (0..self.grid.n_cells()).map(covariance).collect();
+        let product = |other: &[f64]| -> f64 {
+            std::iter::zip(&covariances, other).map(|(k, value)| k * value).sum()
+        };
+        let explained_m2 = product(&self.factor.solve(&covariances));
+        let mean_m = self.settings.mean_m + product(&self.weights);
+        (mean_m, (self.settings.kernel_m2(0.0) - explained_m2).max(0.0))
     }
 
     /// M*, the mean at every cell, m.
@@ -222,7 +221,7 @@ mod tests {
 
     fn settings() -> Settings {
         Settings {
-            smoothness: Smoothness::ThreeHalves,
+            smoothness_nu: 1.5,
             length_scale_m: 0.6,
             reach: 2.0,
             sigma_m: 1.3,
@@ -262,14 +261,43 @@ mod tests {
     }
 
     #[test]
+    fn prediction_between_cells_matches_the_dense_formulas() {
+        let grid = GridGeometry { x_min_m: -1.0, y_min_m: 3.0, cell_m: 0.4, n_cols: 6, n_rows: 5 };
+        let n = grid.n_cells();
+        let settings = Settings { smoothness_nu: 0.8, ..settings() };
+        let mut noise = SeedBook::new(4).stream("cells");
+        let z: Vec<f64> = (0..n).map(|_| noise.normal()).collect();
+        let var: Vec<f64> = (0..n).map(|_| noise.between(0.001, 0.5)).collect();
+        let posterior = Posterior::new(&grid, &z, &var, &settings).expect("positive definite");
+        let kernel = |(xi, yi): (f64, f64), (xj, yj): (f64, f64)| {
+            settings.kernel_m2((xi - xj).hypot(yi - yj))
+        };
+        let s = DMatrix::from_fn(n, n, |i, j| {
+            kernel(grid.centre_m(i), grid.centre_m(j)) + if i == j { var[i] } else { 0.0 }
+        });
+        let inverse = s.try_inverse().expect("regular");
+        let centred = DVector::from_iterator(n, z.iter().map(|z| z - 0.7));
+        for place in [(0.13, 3.71), (-0.95, 4.99), (2.0, 2.5)] {
+            let k = DVector::from_fn(n, |i, _| kernel(place, grid.centre_m(i)));
+            let (mean_m, var_m2) = posterior.predict(place.0, place.1);
+            assert!((mean_m - 0.7 - k.dot(&(&inverse * &centred))).abs() < 1e-9);
+            assert!((var_m2 - 1.69 + k.dot(&(&inverse * &k))).abs() < 1e-9);
+        }
+        let (mean_m, var_m2) = posterior.predict(90.0, 90.0);
+        assert!((mean_m - 0.7).abs() < 1e-12 && (var_m2 - 1.69).abs() < 1e-12, "the prior");
+        let (at_cell, _) = posterior.predict(grid.centre_m(7).0, grid.centre_m(7).1);
+        assert!((at_cell - posterior.mean_m()[7]).abs() < 1e-9);
+    }
+
+    #[test]
     fn kernel_meets_hand_computed_values() {
         let literal = Settings { cut: Cut::Literal, sigma_m: 1.0, ..settings() };
         // ν = 3/2 at s = l: (1 + √3) e^{−√3} = 0.48336
         assert!((literal.kernel_m2(0.6) - 0.483_36).abs() < 1e-5);
         // ν = 1/2 at s = l: 1/e; ν = 5/2 at s = l: (1 + √5 + 5/3) e^{−√5} = 0.52399
-        let half = Settings { smoothness: Smoothness::Half, ..literal };
+        let half = Settings { smoothness_nu: 0.5, ..literal };
         assert!((half.kernel_m2(0.6) - 0.367_88).abs() < 1e-5);
-        let five = Settings { smoothness: Smoothness::FiveHalves, ..literal };
+        let five = Settings { smoothness_nu: 2.5, ..literal };
         assert!((five.kernel_m2(0.6) - 0.523_99).abs() < 1e-5);
         assert!(literal.kernel_m2(1.21).abs() < 1e-15);
     }
@@ -280,7 +308,7 @@ mod tests {
         let grid = GridGeometry { x_min_m: 0.0, y_min_m: 0.0, cell_m: 0.2, n_cols: 20, n_rows: 20 };
         let literal = Settings {
             cut: Cut::Literal,
-            smoothness: Smoothness::FiveHalves,
+            smoothness_nu: 2.5,
             length_scale_m: 1.0,
             reach: 0.5,
             ..settings()

@@ -120,6 +120,15 @@ pub struct VolumeShares {
     pub unseen_ratio: f64,
 }
 
+/// A mass, and how sure it is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Mass {
+    /// Mass, t.
+    pub mass_t: f64,
+    /// Its standard deviation, t.
+    pub sigma_t: f64,
+}
+
 /// One volume with the account of its uncertainty: of the whole region, or of one bay.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VolumeAccount {
@@ -127,6 +136,8 @@ pub struct VolumeAccount {
     pub name: String,
     /// How much there is.
     pub estimate: VolumeEstimate,
+    /// What it weighs, where the material's density is known.
+    pub mass: Option<Mass>,
     /// Where the uncertainty comes from.
     pub budget: VolumeBudget,
     /// How much of it rests on measurements.

@@ -8,10 +8,10 @@ use stockpilot::geometry::{Body, Direction, Hall, Point, Rotation, Transform};
 use stockpilot::messages::{
     AutopilotPose, BatterySample, Beam, BudgetRow, BudgetSource, CameraId, CommandOutcome,
     FixOutcome, FixRecord, FixSource, FlightMode, GridGeometry, HeightMap, HitCounts, LandedState,
-    NavEstimate, OperatorAnswer, OperatorCommand, OperatorRequest, OperatorVerb, PointDetection,
-    Scan, Setpoint, Severity, SharedSensitivity, StatusText, TagDetection, TagDetections,
-    TagFamily, VehicleCommand, VehicleState, Verdict, VolumeAccount, VolumeBudget, VolumeEstimate,
-    VolumeShares,
+    Mass, NavEstimate, OperatorAnswer, OperatorCommand, OperatorRequest, OperatorVerb,
+    PointDetection, Scan, Setpoint, Severity, SharedSensitivity, StatusText, TagDetection,
+    TagDetections, TagFamily, VehicleCommand, VehicleState, Verdict, VolumeAccount, VolumeBudget,
+    VolumeEstimate, VolumeShares,
 };
 use stockpilot::mission::Phase;
 use stockpilot::pilot::{Action, Event, FlightSummary, PhaseChange, VolumeReport};
@@ -95,7 +95,13 @@ fn account() -> VolumeAccount {
     budget.shared.push(shared);
     let shares =
         VolumeShares { measured_ratio: 0.75, interpolated_ratio: 0.125, unseen_ratio: 0.125 };
-    VolumeAccount { name: "hall".to_owned(), estimate: volume(), budget, shares }
+    VolumeAccount {
+        name: "hall".to_owned(),
+        estimate: volume(),
+        mass: Some(Mass { mass_t: 48.3, sigma_t: 0.9 }),
+        budget,
+        shares,
+    }
 }
 
 fn volume() -> VolumeEstimate {

@@ -100,7 +100,8 @@ pub(crate) fn lidar_mount() -> LidarMount {
 /// Settings of a hall of 4 m × 4 m at the height of 2.5 m.
 pub(crate) fn settings() -> Settings {
     let bounds = Rect { x_min_m: 0.0, y_min_m: 0.0, x_max_m: 4.0, y_max_m: 4.0 };
-    let region = Region { bounds, exclusions: Vec::new(), exclusion_margin_m: 0.1 };
+    let region =
+        Region { bounds, exclusions: Vec::new(), exclusion_margin_m: 0.1, bays: Vec::new() };
     let grid = kalman_grid::Settings::default();
     Settings {
         localization: localization::Settings {

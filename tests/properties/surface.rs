@@ -1,12 +1,13 @@
 //! What data may and may not do to the surface.
 
-use crate::support::lidar_mount;
+use crate::support::{at_ns, lidar_mount, settings};
 use nalgebra::{Matrix3, Matrix6, Vector3};
 use stockpilot::geometry::{Point, Rotation, Transform};
 use stockpilot::mapping::kalman_grid::{KalmanGrid, Settings, VarianceUpdate};
 use stockpilot::mapping::projection::{Hit, project};
 use stockpilot::mapping::sparse_gp::{self, Posterior};
 use stockpilot::mapping::volume::Base;
+use stockpilot::mapping::{Mapper, Method, SolvedSurface, VolumeVariance};
 use stockpilot::messages::{Beam, GridGeometry};
 use stockpilot::stats::{Noise, SeedBook};
 
@@ -48,7 +49,7 @@ fn posterior_variance_never_exceeds_prior() {
 #[test]
 fn more_data_never_makes_the_volume_less_certain() {
     let settings = sparse_gp::Settings {
-        smoothness: sparse_gp::Smoothness::ThreeHalves,
+        smoothness_nu: 1.5,
         length_scale_m: 0.5,
         reach: 2.0,
         sigma_m: 0.8,
@@ -75,6 +76,44 @@ fn more_data_never_makes_the_volume_less_certain() {
 }
 
 #[test]
+fn printed_variance_adds_marginals_and_full_is_that_of_the_sum() {
+    let solved = |volume_variance| {
+        let mut settings = settings().mapping;
+        settings.method = Method::KalmanGrid;
+        settings.grid.volume_variance = volume_variance;
+        let areas = settings.region.cell_areas_m2(&settings.region.grid(settings.cell_m));
+        let solve = Mapper::new(settings).snapshot(at_ns(0), true);
+        (solve.run().expect("a tapered kernel is positive definite"), areas)
+    };
+    let sigma_m3 = |solved: &SolvedSurface| solved.accounts[0].estimate.sigma_m3;
+    let (printed, areas) = solved(VolumeVariance::Printed);
+    let added: f64 = std::iter::zip(&areas, &printed.surface.sigma_m)
+        .map(|(area, sigma)| (area * sigma).powi(2))
+        .sum();
+    assert!((sigma_m3(&printed) / added.sqrt() - 1.0).abs() < 1e-12);
+    // Neighbours move together, so their sum is less certain than the printed rule says: nearly
+    // as many cells as lie within the kernel count as one.
+    let (full, _) = solved(VolumeVariance::Full);
+    assert!(sigma_m3(&full) > 1.5 * sigma_m3(&printed), "{full:?}");
+}
+
+#[test]
+fn the_literal_cut_tells_what_helps_when_it_fails() {
+    let mut settings = settings().mapping;
+    settings.method = Method::KalmanGrid;
+    settings.grid.gp = sparse_gp::Settings {
+        cut: sparse_gp::Cut::Literal,
+        smoothness_nu: 2.7,
+        length_scale_m: 2.0,
+        reach: 0.5,
+        ..settings.grid.gp
+    };
+    settings.grid.kalman_grid.prior_sigma_m = 1e-3;
+    let error = Mapper::new(settings).snapshot(at_ns(0), false).run().unwrap_err();
+    assert!(error.to_string().contains("use the taper"), "{error}");
+}
+
+#[test]
 fn volumes_of_parts_add_up() {
     let mut noise = SeedBook::new(33).stream("heights");
     for _ in 0..200 {
@@ -83,7 +122,7 @@ fn volumes_of_parts_add_up() {
         let share: Vec<f64> = (0..400).map(|_| noise.uniform()).collect();
         let part = |f: &dyn Fn(f64) -> f64| {
             let cell_areas_m2 = whole.iter().zip(&share).map(|(a, s)| a * f(*s)).collect();
-            Base { height_m: 0.3, cell_areas_m2 }.volume_m3(&heights)
+            Base::level(0.3, cell_areas_m2).volume_m3(&heights)
         };
         let (first, second, all) = (part(&|s| s), part(&|s| 1.0 - s), part(&|_| 1.0));
         assert!((first + second - all).abs() < 1e-10, "{first} + {second} is not {all}");

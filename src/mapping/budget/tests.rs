@@ -1,5 +1,6 @@
 //! The budget against the same map solved again with every source of error moved.
 
+use super::super::bay::BayOnGrid;
 use super::super::field_map::{self, FieldMap, Setup};
 use super::super::footprint::{Footprint, Patch};
 use super::super::matern_field::Lattice;
@@ -50,7 +51,12 @@ fn map() -> FieldMap {
             max_range_m: 12.0,
             blind_sectors_rad: Vec::new(),
         },
-        bases: Arc::new(vec![("hall".to_owned(), Base { height_m: 0.0, cell_areas_m2: areas })]),
+        bays: Arc::new(vec![BayOnGrid {
+            name: "hall".to_owned(),
+            base: Base::level(0.0, areas),
+            base_errors: Vec::new(),
+            density: None,
+        }]),
     }))
 }
 

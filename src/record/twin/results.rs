@@ -8,7 +8,7 @@ use super::enums::{
 use super::scalars::{Nanos, PoseTwin, Rows, Xyz};
 use crate::geometry::{Body, Direction, Hall, Point, Transform};
 use crate::messages::{
-    FixOutcome, FixRecord, FixSource, GridGeometry, HeightMap, HitCounts, NavEstimate,
+    FixOutcome, FixRecord, FixSource, GridGeometry, HeightMap, HitCounts, Mass, NavEstimate,
     OperatorAnswer, OperatorRequest, OperatorVerb, Setpoint, Severity, StatusText, VehicleCommand,
     Verdict, VolumeAccount, VolumeBudget, VolumeEstimate, VolumeShares,
 };
@@ -87,11 +87,24 @@ struct SharesTwin {
 }
 
 #[derive(Serialize, JsonSchema)]
+struct MassItem {
+    mass_t: f64,
+    sigma_t: f64,
+}
+
+fn mass<S: Serializer>(mass: &Option<Mass>, to: S) -> Result<S::Ok, S::Error> {
+    mass.map(|Mass { mass_t, sigma_t }| MassItem { mass_t, sigma_t }).serialize(to)
+}
+
+#[derive(Serialize, JsonSchema)]
 #[serde(remote = "VolumeAccount")]
 struct AccountTwin {
     name: String,
     #[serde(with = "VolumeTwin")]
     estimate: VolumeEstimate,
+    #[serde(serialize_with = "mass")]
+    #[schemars(with = "Option<MassItem>")]
+    mass: Option<Mass>,
     #[serde(with = "BudgetTwin")]
     budget: VolumeBudget,
     #[serde(with = "SharesTwin")]
