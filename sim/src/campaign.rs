@@ -109,6 +109,7 @@ pub fn run(
         beams_dropped: 0,
         wall_time: began.elapsed(),
         load: None,
+        budget: None,
     };
     Ok(RunReport::new(scenario, &flight.rig, &measured, None))
 }

@@ -86,6 +86,7 @@ pub fn run(scenario: &Scenario, options: &FlyOptions) -> anyhow::Result<RunRepor
         beams_dropped,
         wall_time: flight.pace.began.elapsed(),
         load: Some(load),
+        budget: None,
     };
     Ok(RunReport::new(scenario, &flight.rig, &measured, Some(log)))
 }

@@ -68,6 +68,7 @@ pub fn config(scenario: &Scenario, devices: Devices) -> Config {
         planning: PlanningSection {
             planner: scenario.planner.config_name(),
             n_steps: scenario.n_steps,
+            leg_spacing_m: conditions.leg_spacing_m.unwrap_or(planning.leg_spacing_m),
             max_speed_mps: conditions.cruise_mps.unwrap_or(planning.max_speed_mps),
             ..planning
         },
