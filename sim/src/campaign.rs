@@ -109,7 +109,6 @@ pub fn run(
         beams_dropped: 0,
         wall_time: began.elapsed(),
         load: None,
-        budget: None,
     };
     Ok(RunReport::new(scenario, &flight.rig, &measured, None))
 }
@@ -151,8 +150,8 @@ impl DirectFlight {
 
     /// What the flight came to, once it has ended.
     #[must_use]
-    pub const fn summary(&self) -> Option<FlightSummary> {
-        self.summary
+    pub const fn summary(&self) -> Option<&FlightSummary> {
+        self.summary.as_ref()
     }
 
     /// What the brain has said to the ground station.

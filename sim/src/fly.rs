@@ -86,7 +86,6 @@ pub fn run(scenario: &Scenario, options: &FlyOptions) -> anyhow::Result<RunRepor
         beams_dropped,
         wall_time: flight.pace.began.elapsed(),
         load: Some(load),
-        budget: None,
     };
     Ok(RunReport::new(scenario, &flight.rig, &measured, Some(log)))
 }
@@ -234,7 +233,7 @@ impl Flight {
         while self.rig.now() < limit {
             self.step()?;
             self.pace.wait_for_brain(self.rig.now(), onboard);
-            if let Some(summary) = status.borrow().flight {
+            if let Some(summary) = status.borrow().flight.clone() {
                 return Ok(summary);
             }
             if options.shows_progress && self.rig.now() >= next_progress {

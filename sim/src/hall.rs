@@ -1,6 +1,7 @@
 //! The service's configuration for a simulated hall: what an integrator would write down.
 
 use crate::calibration::CalibrationErrors;
+use crate::calibration::CalibrationSigmas;
 use crate::camera::CameraModel;
 use crate::lidar::LidarModel;
 use crate::scenario::{Scenario, Variance};
@@ -9,6 +10,7 @@ use std::path::PathBuf;
 use stockpilot::config::{
     CameraSection, Config, FilterSection, HallSection, LidarSection, LinkSection, LogSection,
     MissionSection, MountSection, PlanningSection, RectSection, SurfaceSection, TagSection,
+    UncertaintySection,
 };
 use stockpilot::geometry::{Body, Camera, Frame, Rotation, Transform};
 
@@ -63,6 +65,7 @@ pub fn config(scenario: &Scenario, devices: Devices) -> Config {
             volume_variance: scenario
                 .variance
                 .map_or(surface.volume_variance, Variance::config_name),
+            uncertainty: uncertainty(&conditions.sigmas),
             ..surface
         },
         planning: PlanningSection {
@@ -77,6 +80,17 @@ pub fn config(scenario: &Scenario, devices: Devices) -> Config {
         detections: devices.detections,
         cameras: vec![camera(&scenario.camera)],
         tags: tags(world, &conditions.errors),
+    }
+}
+
+const fn uncertainty(sigmas: &CalibrationSigmas) -> UncertaintySection {
+    UncertaintySection {
+        range_bias_sigma_m: sigmas.range_bias_sigma_m,
+        range_scale_sigma: sigmas.range_scale_sigma,
+        mount_position_sigma_m: sigmas.mount_position_sigma_m,
+        mount_rotation_sigma_deg: sigmas.mount_rotation_sigma_deg,
+        clock_offset_sigma_ms: sigmas.clock_offset_sigma_ms,
+        marker_sigma_m: sigmas.marker_sigma_m,
     }
 }
 

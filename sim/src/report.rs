@@ -8,7 +8,6 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::time::Duration;
-use stockpilot::messages::{BudgetSource, VolumeBudget};
 use stockpilot::pilot::FlightSummary;
 
 /// One run.
@@ -101,18 +100,6 @@ pub struct Measured {
     pub wall_time: Duration,
     /// What the service needed of the computer.
     pub load: Option<ServiceLoad>,
-    /// The budget of the last volume, if the surface keeps one.
-    pub budget: Option<VolumeBudget>,
-}
-
-/// Share of each source in a volume's variance, by the source's name.
-///
-/// The density concerns tonnes only and is left out.
-#[must_use]
-pub fn budget_shares(budget: &VolumeBudget) -> BTreeMap<String, f64> {
-    let total_m6 = budget.var_m6();
-    let rows = budget.rows.iter().filter(|row| row.source != BudgetSource::Density);
-    rows.map(|row| (row.source.name().to_owned(), row.var_m6 / total_m6)).collect()
 }
 
 impl RunReport {
@@ -135,7 +122,7 @@ impl RunReport {
             volume_m3: volume.volume_m3,
             sigma_m3: volume.sigma_m3,
             relative_error: (volume.volume_m3 - volume_true_m3) / volume_true_m3,
-            budget: measured.budget.as_ref().map(budget_shares).unwrap_or_default(),
+            budget: budget_shares(&measured.flight),
             path_length_m: rig.flown_m(),
             steps: measured.flight.steps_done,
             beams: measured.flight.hits.received,
@@ -169,6 +156,19 @@ pub struct NotedRun {
     pub relative_error: f64,
     /// (measured − true) / claimed σ.
     pub z: f64,
+}
+
+/// Share of each source in (σ^V)².
+fn budget_shares(flight: &FlightSummary) -> BTreeMap<String, f64> {
+    let Some(account) = flight.accounts.first() else { return BTreeMap::new() };
+    let var_m6 = account.budget.var_m6();
+    let share = |var: f64| if var_m6 > 0.0 { var / var_m6 } else { 0.0 };
+    account
+        .budget
+        .rows
+        .iter()
+        .map(|row| (row.source.name().to_owned(), share(row.var_m6)))
+        .collect()
 }
 
 /// Many runs.
@@ -237,7 +237,6 @@ fn mean_budget(runs: &[RunReport], n: f64) -> BTreeMap<String, f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use stockpilot::messages::BudgetRow;
 
     fn run(seed: u64, volume_m3: f64, shares: &[(&str, f64)]) -> RunReport {
         RunReport {
@@ -269,22 +268,6 @@ mod tests {
             position_rms_m: 0.0,
             load: None,
         }
-    }
-
-    #[test]
-    fn shares_of_a_budget_add_up_without_the_density() {
-        let row = |source, var_m6| BudgetRow { source, var_m6 };
-        let budget = VolumeBudget {
-            rows: vec![
-                row(BudgetSource::Prior, 1.0),
-                row(BudgetSource::Pose, 3.0),
-                row(BudgetSource::Density, 5.0),
-            ],
-            ..VolumeBudget::default()
-        };
-        let shares = budget_shares(&budget);
-        assert_eq!(shares.len(), 2);
-        assert!((shares["prior"] - 0.25).abs() < 1e-12 && (shares["pose"] - 0.75).abs() < 1e-12);
     }
 
     #[test]

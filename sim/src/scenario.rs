@@ -29,7 +29,7 @@ pub struct ScenarioArgs {
     #[arg(long, default_value_t = 0.001)]
     pub scale_z: f64,
     /// How the surface is kept.
-    #[arg(long, value_enum, default_value_t = Surface::KalmanGrid)]
+    #[arg(long, value_enum, default_value_t = Surface::MaternField)]
     pub surface: Surface,
     /// How the variances of the cells become the volume's; the service's own default if left out.
     #[arg(long, value_enum)]
@@ -84,7 +84,7 @@ pub enum Planner {
 pub enum Surface {
     /// The paper's height grid.
     KalmanGrid,
-    /// A Matérn field over all beams.
+    /// A Gauss–Markov field with the budget of all error sources.
     MaternField,
 }
 
