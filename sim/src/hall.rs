@@ -71,6 +71,7 @@ pub fn config(scenario: &Scenario, devices: Devices) -> Config {
         planning: PlanningSection {
             planner: scenario.planner.config_name(),
             n_steps: scenario.n_steps,
+            leg_spacing_m: conditions.leg_spacing_m.unwrap_or(planning.leg_spacing_m),
             max_speed_mps: conditions.cruise_mps.unwrap_or(planning.max_speed_mps),
             ..planning
         },
@@ -191,6 +192,7 @@ mod tests {
     use super::*;
     use crate::scenario::{Conditions, Lidar, Planner, Surface};
     use nalgebra::Vector3;
+    use stockpilot::config::VolumeVarianceName;
 
     #[test]
     fn the_configuration_holds_the_true_mountings_and_lens() {
@@ -220,5 +222,67 @@ mod tests {
         let ours = camera.project(&stockpilot::geometry::Point::from_coords(p)).expect("seen").0;
         let theirs = truth.lens.project(&p).expect("seen");
         assert!((ours - nalgebra::Vector2::from(theirs)).norm() < 1e-9);
+    }
+
+    #[derive(Debug, clap::Parser)]
+    struct Options {
+        #[command(flatten)]
+        scenario: crate::scenario::ScenarioArgs,
+    }
+
+    fn scenario(options: &[&str]) -> anyhow::Result<Scenario> {
+        let words = ["test"].iter().chain(options);
+        <Options as clap::Parser>::try_parse_from(words)?.scenario.scenario(4)
+    }
+
+    #[test]
+    fn the_service_is_told_nominal_values_and_the_noise_but_no_drawn_error() {
+        let usual = scenario(&[]).expect("a scenario");
+        let unusual = scenario(&[
+            "--draw-errors",
+            "--steepness=2",
+            "--marker-noise=2",
+            "--variance=printed",
+            "--cruise-mps=0.5",
+            "--leg-spacing-m=2.5",
+        ]);
+        let unusual = unusual.expect("a scenario");
+        let [plain, told] = [&usual, &unusual].map(|s| config(s, Devices::none()));
+        assert_eq!(told.lidar, plain.lidar, "mounting and range stay nominal");
+        let true_lidar = unusual.conditions.errors.true_lidar(&unusual.lidar.model());
+        let nominal = unusual.lidar.model();
+        assert_ne!(true_lidar.body_from_lidar, nominal.body_from_lidar);
+        let ratio = told.filter.corner_sigma_px / plain.filter.corner_sigma_px;
+        assert!((ratio - 2.0).abs() < 1e-12);
+        let true_ratio =
+            unusual.camera.detector.pixel_sigma_px / usual.camera.detector.pixel_sigma_px;
+        assert!((true_ratio - 2.0).abs() < 1e-12);
+        assert!((told.surface.slope_sigma / plain.surface.slope_sigma - 2.0).abs() < 1e-12);
+        assert_eq!(told.surface.volume_variance, VolumeVarianceName::Printed);
+        assert!((told.planning.max_speed_mps - 0.5).abs() < 1e-12);
+        assert!((told.planning.leg_spacing_m - 2.5).abs() < 1e-12);
+        let offsets_m: Vec<f64> = std::iter::zip(&told.tags, &unusual.world.tags)
+            .flat_map(|(told, hung)| {
+                (0..3).map(|k| told.corners_m[0][k] - hung.corners[0].coords[k])
+            })
+            .collect();
+        let var_m2 = offsets_m.iter().map(|m| m * m).sum::<f64>() / offsets_m.len() as f64;
+        // 5 mm; four standard errors of a deviation from 300 numbers and more are 16 %.
+        assert!(offsets_m.len() > 300 && (var_m2.sqrt() / 0.005 - 1.0).abs() < 0.16);
+        told.pilot_settings().expect("valid");
+        plain.pilot_settings().expect("valid");
+    }
+
+    #[test]
+    fn options_out_of_range_are_refused() {
+        for options in [
+            &["--dust=1.5"][..],
+            &["--steepness=0"],
+            &["--marker-noise=-1"],
+            &["--world=nowhere.asc", "--steepness=2"],
+            &["--draw-errors=wind"],
+        ] {
+            assert!(scenario(options).is_err(), "{options:?}");
+        }
     }
 }

@@ -40,9 +40,13 @@ pub struct ScenarioArgs {
     /// Waypoints of the survey.
     #[arg(long, default_value_t = 50)]
     pub steps: usize,
-    /// Largest speed of the survey, m/s; the service's own default if left out.
+    /// Largest speed of the survey, m/s; the service's own default if left out. Below 0.3 m/s the
+    /// climb takes longer than a take-off may.
     #[arg(long, value_name = "M_PER_S")]
     pub cruise_mps: Option<f64>,
+    /// Distance of neighbouring legs of the square wave, m; the service's own default if left out.
+    #[arg(long, value_name = "M")]
+    pub leg_spacing_m: Option<f64>,
     /// Each run draws errors of calibration from their σ, and the service is told these σ: of all
     /// sources, or of those named after `=`.
     #[arg(
@@ -197,6 +201,8 @@ pub struct Conditions {
     pub hazards: Hazards,
     /// Largest speed of the survey, m/s; the service's own default if `None`.
     pub cruise_mps: Option<f64>,
+    /// Distance of the square wave's legs, m; the service's own default if `None`.
+    pub leg_spacing_m: Option<f64>,
 }
 
 impl Default for Conditions {
@@ -208,6 +214,7 @@ impl Default for Conditions {
             marker_noise: 1.0,
             hazards: Hazards::default(),
             cruise_mps: None,
+            leg_spacing_m: None,
         }
     }
 }
@@ -282,6 +289,7 @@ impl ScenarioArgs {
             marker_noise: self.marker_noise,
             hazards: self.hazards,
             cruise_mps: self.cruise_mps,
+            leg_spacing_m: self.leg_spacing_m,
         }
     }
 
