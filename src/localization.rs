@@ -13,6 +13,7 @@ pub mod marker_map;
 pub mod ring;
 pub mod vision_fix;
 
+mod linear_pose;
 mod localizer;
 mod planar_pose;
 
