@@ -1,16 +1,17 @@
 //! A first pose from points in one plane, four or more, without any prior.
 //!
-//! A plane in space and its image are related by a homography, whose columns give the pose. The
+//! A plane in space and its image are related by a homography, whose derivative gives the pose. The
 //! same image is nearly explained by a second pose with the plane's normal mirrored about the line
 //! of sight (the planar ambiguity); both are returned and the caller lets other points decide.
 //!
-//! Source: Zhang 2000, section 3.1 (pose from a homography); Schweighofer and Pinz 2006 (the two
-//! minima of the planar problem).
+//! Source: Collins and Bartoli 2014 (both poses from the homography's derivative); Schweighofer and
+//! Pinz 2006 (the two minima of the planar problem).
 #![expect(non_snake_case, reason = "matrices carry the letters of the equations")]
 
 use crate::geometry::{Camera, Hall, Point, Rotation, Transform};
 use nalgebra::{
-    Isometry3, Matrix3, Rotation3, SMatrix, SVector, Translation3, UnitQuaternion, Vector2, Vector3,
+    Isometry3, Matrix2, Matrix3, Rotation3, SMatrix, SVector, Translation3, UnitQuaternion,
+    Vector2, Vector3,
 };
 
 /// Points farther from their common plane than this share of their spread lie in none.
@@ -34,18 +35,10 @@ pub(super) fn camera_from_hall_candidates(
             .iter()
             .map(|&place| (plane_from_hall * nalgebra::Point3::from(place)).xy().coords)
             .collect();
-        Some((camera_from_plane(&on_plane, bearings)?, plane_from_hall))
+        Some((cameras_from_plane(&on_plane, bearings)?, plane_from_hall))
     });
-    poses.map_or_else(Vec::new, |(camera_from_plane, plane_from_hall)| {
-        [camera_from_plane, mirrored(&camera_from_plane)]
-            .map(|pose| pose * plane_from_hall)
-            .map(|pose| {
-                Transform::new(
-                    Rotation::from_quaternion(pose.rotation),
-                    Point::from_coords(pose.translation.vector),
-                )
-            })
-            .to_vec()
+    poses.map_or_else(Vec::new, |(cameras_from_plane, plane_from_hall)| {
+        cameras_from_plane.map(|pose| transform_of(&(pose * plane_from_hall))).to_vec()
     })
 }
 
@@ -67,14 +60,20 @@ fn plane_of(places: &[Vector3<f64>]) -> Option<Isometry3<f64>> {
     is_plane.then(|| Isometry3::from_parts(Translation3::from(middle), rotation_of(&axes)))
 }
 
-/// The pose of a plane from the homography to its image.
+/// Both poses of a plane from the homography to its image.
 ///
-/// The image is taken by a camera turned towards the points, so that they may lie anywhere in the
-/// view of a fisheye lens.
-fn camera_from_plane(
+/// In a camera that is turned towards the plane's origin (t = t_z e_z), the homography's
+/// derivative there is the upper left of the rotation:
+///
+/// ```text
+/// ∂(X/Z, Y/Z)/∂(x, y) = R₂₂/t_z,   σ_max(R₂₂) = 1,   r₃₁² = 1 − r₁₁² − r₂₁²,   …
+/// ```
+/// and the signs of r₃₁ and r₃₂ can both be turned: the two poses. The turn also lets the points
+/// lie anywhere in the view of a fisheye lens.
+fn cameras_from_plane(
     on_plane: &[Vector2<f64>],
     bearings: &[Vector3<f64>],
-) -> Option<Isometry3<f64>> {
+) -> Option<[Isometry3<f64>; 2]> {
     let sight = bearings.iter().sum::<Vector3<f64>>().try_normalize(1e-6)?;
     let turned_from_camera = UnitQuaternion::rotation_between(&sight, &Vector3::z())?;
     let directions: Option<Vec<Vector2<f64>>> = bearings
@@ -85,25 +84,56 @@ fn camera_from_plane(
         })
         .collect();
     let homography = homography(on_plane, &directions?)?;
-    let (h1, h2, h3) = (homography.column(0), homography.column(1), homography.column(2));
-    let scale = 2.0 / (h1.norm() + h2.norm());
-    // The plane stands in front of the camera.
-    let scale = if h3.z < 0.0 { -scale } else { scale };
-    let (r1, r2, t): (Vector3<f64>, Vector3<f64>, Vector3<f64>) =
-        ((h1 * scale), (h2 * scale), (h3 * scale));
-    let pose = Isometry3::from_parts(Translation3::from(t), rotation_near(&r1, &r2)?);
-    let pose = turned_from_camera.inverse() * pose;
-    let mut numbers = pose.translation.vector.iter().chain(pose.rotation.coords.iter());
-    numbers.all(|c| c.is_finite()).then_some(pose)
+    // h₃₃ = 1: the origin's image is the third column.
+    let to_origin = Vector3::from(homography.column(2));
+    let exactly = UnitQuaternion::rotation_between(&to_origin, &Vector3::z())?;
+    let turned = exactly.to_rotation_matrix().matrix() * homography;
+    let slope = turned.fixed_view::<2, 2>(0, 0) / turned[(2, 2)];
+    let rotations = rotations_from_slope(&slope.into_owned())?;
+    let camera_from_turned = (exactly * turned_from_camera).inverse();
+    let poses = rotations.map(|rotation| {
+        let rotation = camera_from_turned * rotation;
+        Isometry3::from_parts(Translation3::from(place_of(&rotation, on_plane, bearings)), rotation)
+    });
+    let mut numbers = poses
+        .iter()
+        .flat_map(|pose| pose.translation.vector.iter().chain(pose.rotation.coords.iter()));
+    numbers.all(|c| c.is_finite()).then_some(poses)
 }
 
-/// The rotation with its x axis along `r1` and its y axis in the half plane of `r2`.
-///
-/// In closed form: iterations to the nearest rotation need not end on corners that no lens makes.
-fn rotation_near(r1: &Vector3<f64>, r2: &Vector3<f64>) -> Option<UnitQuaternion<f64>> {
-    let x = r1.try_normalize(1e-12)?;
-    let z = x.cross(r2).try_normalize(1e-12)?;
-    Some(rotation_of(&Matrix3::from_columns(&[x, z.cross(&x), z])))
+/// The two rotations whose upper left is proportional to `slope`.
+fn rotations_from_slope(slope: &Matrix2<f64>) -> Option<[UnitQuaternion<f64>; 2]> {
+    let (half_trace, det) = (slope.norm_squared() / 2.0, slope.determinant());
+    let largest2 = half_trace + (half_trace * half_trace - det * det).max(0.0).sqrt();
+    if !(largest2.is_finite() && largest2 > 0.0) {
+        return None;
+    }
+    let r = slope / largest2.sqrt();
+    let (c1, c2) = (r.column(0), r.column(1));
+    let r31 = (1.0 - c1.norm_squared()).max(0.0).sqrt();
+    // The columns are orthogonal: r₃₁ r₃₂ = −(r₁₁ r₁₂ + r₂₁ r₂₂).
+    let r32 = (1.0 - c2.norm_squared()).max(0.0).sqrt() * -c1.dot(&c2).signum();
+    Some([1.0, -1.0].map(|sign| {
+        let x = Vector3::new(c1.x, c1.y, sign * r31);
+        let y = Vector3::new(c2.x, c2.y, sign * r32);
+        rotation_of(&Matrix3::from_columns(&[x, y, x.cross(&y)]))
+    }))
+}
+
+/// Where the plane's origin lies in the camera, given its rotation: least squares of
+/// `b_k × (R X_k + t) = 0`.
+fn place_of(
+    rotation: &UnitQuaternion<f64>,
+    on_plane: &[Vector2<f64>],
+    bearings: &[Vector3<f64>],
+) -> Vector3<f64> {
+    let (mut AtA, mut Atb) = (Matrix3::zeros(), Vector3::zeros());
+    for (place, bearing) in on_plane.iter().zip(bearings) {
+        let across = Matrix3::identity() - bearing * bearing.transpose();
+        AtA += across;
+        Atb -= across * (rotation * place.push(0.0));
+    }
+    AtA.lu().solve(&Atb).unwrap_or_else(|| Vector3::repeat(f64::NAN))
 }
 
 fn rotation_of(axes: &Matrix3<f64>) -> UnitQuaternion<f64> {
@@ -137,6 +167,23 @@ fn spread(vectors: &[Vector2<f64>]) -> Option<f64> {
     let n = vectors.len() as f64;
     let spread = (vectors.iter().map(Vector2::norm_squared).sum::<f64>() / n).sqrt();
     (spread.is_finite() && spread > 1e-9).then_some(spread)
+}
+
+/// The other pose that nearly explains the picture of points in a plane: its normal mirrored about
+/// the line of sight. `None` if the points lie in no plane.
+pub(super) fn flipped(
+    camera_from_hall: &Transform<Camera, Hall>,
+    places: &[Vector3<f64>],
+) -> Option<Transform<Camera, Hall>> {
+    let hall_from_plane = plane_of(places)?;
+    let translation = Translation3::from(camera_from_hall.origin.coords);
+    let pose = Isometry3::from_parts(translation, *camera_from_hall.rotation.quaternion());
+    Some(transform_of(&(mirrored(&(pose * hall_from_plane)) * hall_from_plane.inverse())))
+}
+
+fn transform_of(pose: &Isometry3<f64>) -> Transform<Camera, Hall> {
+    let rotation = Rotation::from_quaternion(pose.rotation);
+    Transform::new(rotation, Point::from_coords(pose.translation.vector))
 }
 
 /// The pose with the plane's normal mirrored about the line of sight.
@@ -203,9 +250,11 @@ mod tests {
 
     #[test]
     fn a_tag_beside_a_wide_camera_gives_the_exact_pose() {
-        // Turned by 85°: the tag stands at the border of a fisheye's view, one corner behind 90°.
+        const TURN_RAD: f64 = 1.6;
+        // The tag stands at the border of a fisheye's view, some corners behind 90°.
         let turned = Transform::<Hall, Camera>::new(
-            hall_from_camera().rotation * Rotation::<Camera, Camera>::from_euler_rad(0.0, 1.5, 0.1),
+            hall_from_camera().rotation
+                * Rotation::<Camera, Camera>::from_euler_rad(0.0, TURN_RAD, 0.0),
             hall_from_camera().origin,
         );
         let seen = bearings(&turned, &tag());

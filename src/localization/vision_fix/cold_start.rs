@@ -1,6 +1,6 @@
 //! A pose from nothing: the two planar poses of each tag, or all points together.
 
-use super::least_squares::{Loss, Minimum, cost, minimize};
+use super::least_squares::{Loss, Minimum, Reprojector, cost, minimize};
 use super::{NoFix, PointFeature};
 use crate::geometry::{Body, Hall, Transform};
 use crate::localization::camera_model::CameraModel;
@@ -11,8 +11,8 @@ use nalgebra::{Vector3, Vector6};
 
 /// Tags that give starts: the largest ones determine their own pose best.
 const MAX_START_TAGS: usize = 8;
-/// Pairs of starts that are worth a search, by their cost before it.
-const MAX_PAIRS: usize = 3;
+/// Starts that are worth a search, by their cost before it.
+const MAX_STARTS: usize = 3;
 /// A start this near to a minimum that is known leads to it: m + rad.
 const SAME_BASIN: f64 = 0.1;
 /// Two poses whose χ² differ by less than this both explain the pixels: odds of 1 in 1000.
@@ -25,6 +25,8 @@ const MAX_TILT_RAD: f64 = 0.26;
 /// Gravity decides between two poses if it fits one this much better: 4°.
 const DECISIVE_TILT_RAD: f64 = 0.07;
 
+type Pose = Transform<Hall, Body>;
+
 /// The best pose under the Huber loss, without a prior.
 pub(super) fn minimum(
     camera: &CameraModel,
@@ -32,36 +34,26 @@ pub(super) fn minimum(
     gravity_body: Option<&Vector3<f64>>,
     sigma_px: f64,
 ) -> Result<Minimum, NoFix> {
-    let pairs = pairs_of_starts(camera, features, sigma_px);
-    let minima = searched(camera, features, &pairs, sigma_px);
-    chosen(minima, features.len(), gravity_body)
+    let starts = ranked_starts(camera, features, sigma_px);
+    let minima = searched(camera, features, &starts, sigma_px);
+    let best = minima.first().ok_or(NoFix::NotObservable)?;
+    let excess = excess_variance(camera, features, &best.pose, sigma_px);
+    chosen(minima, excess, gravity_body)
 }
 
-/// Two poses that explain the same plane, or one and no other.
-type Pair = Vec<Transform<Hall, Body>>;
-
-/// The starts by their cost before any search, the best pair first; inside a pair the better one
-/// first.
-fn pairs_of_starts(camera: &CameraModel, features: &[PointFeature], sigma_px: f64) -> Vec<Pair> {
+/// Poses that some of the points propose, by their cost before any search, the best first.
+fn ranked_starts(camera: &CameraModel, features: &[PointFeature], sigma_px: f64) -> Vec<Pose> {
     let tags = tags_among(features);
-    let pairs: Vec<Pair> = if tags.is_empty() {
-        vec![poses_of_plane(camera, features), poses_of_points(camera, features)]
+    let proposed: Vec<Pose> = if tags.is_empty() {
+        [poses_of_plane(camera, features), poses_of_points(camera, features)].concat()
     } else {
-        tags.into_iter().take(MAX_START_TAGS).map(|tag| poses_of_plane(camera, tag)).collect()
+        tags.into_iter().take(MAX_START_TAGS).flat_map(|tag| poses_of_plane(camera, tag)).collect()
     };
-    let mut ranked: Vec<(f64, Pair)> = pairs
-        .into_iter()
-        .filter_map(|pair| {
-            let mut poses: Vec<(f64, Transform<Hall, Body>)> = pair
-                .into_iter()
-                .map(|pose| (cost(camera, features, &pose, (sigma_px, Loss::Huber)), pose))
-                .collect();
-            poses.sort_by(|a, b| a.0.total_cmp(&b.0));
-            Some((poses.first()?.0, poses.into_iter().map(|(_, pose)| pose).collect()))
-        })
-        .collect();
+    let cost = |pose: &Pose| cost(camera, features, pose, (sigma_px, Loss::Huber));
+    let mut ranked: Vec<(f64, Pose)> =
+        proposed.into_iter().map(|pose| (cost(&pose), pose)).collect();
     ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
-    ranked.into_iter().map(|(_, pair)| pair).collect()
+    ranked.into_iter().map(|(_, pose)| pose).collect()
 }
 
 /// Each four consecutive features that are the corners of a square; the largest picture first.
@@ -82,7 +74,7 @@ fn tags_among(features: &[PointFeature]) -> Vec<&[PointFeature]> {
 }
 
 /// Both poses from points in a plane; none if they do not lie in one.
-fn poses_of_plane(camera: &CameraModel, features: &[PointFeature]) -> Pair {
+fn poses_of_plane(camera: &CameraModel, features: &[PointFeature]) -> Vec<Pose> {
     let Some((places, bearings)) = sights(camera, features) else { return Vec::new() };
     planar_pose::camera_from_hall_candidates(&places, &bearings)
         .into_iter()
@@ -91,7 +83,7 @@ fn poses_of_plane(camera: &CameraModel, features: &[PointFeature]) -> Pair {
 }
 
 /// The pose from points that do not lie in a plane.
-fn poses_of_points(camera: &CameraModel, features: &[PointFeature]) -> Pair {
+fn poses_of_points(camera: &CameraModel, features: &[PointFeature]) -> Vec<Pose> {
     let Some((places, bearings)) = sights(camera, features) else { return Vec::new() };
     linear_pose::camera_from_hall(&places, &bearings)
         .map(|camera_from_hall| (camera.body_from_camera * camera_from_hall).inverse())
@@ -106,32 +98,51 @@ fn sights(camera: &CameraModel, features: &[PointFeature]) -> Option<Sights> {
     features.iter().map(|f| Some((f.place.coords, camera.bearing(&f.pixel)?))).collect()
 }
 
-/// The minima that the best starts lead to, the best first. The twin of the best start is always
-/// among the searched: only the search tells whether it explains the pixels as well.
+/// The minima that the best starts lead to, the best first. If all points lie in one plane, the
+/// flip of the best is among the searched: only the search tells whether it explains the pixels as
+/// well.
 fn searched(
     camera: &CameraModel,
     features: &[PointFeature],
-    pairs: &[Pair],
+    starts: &[Pose],
     sigma_px: f64,
 ) -> Vec<Minimum> {
-    let twin = pairs.first().and_then(|pair| pair.get(1));
-    let firsts = pairs.iter().take(MAX_PAIRS).filter_map(|pair| pair.first());
     let mut minima: Vec<Minimum> = Vec::new();
-    for start in firsts.chain(twin) {
-        if minima.iter().any(|minimum| is_near(&minimum.pose, start)) {
-            continue;
-        }
-        if let Some(found) = minimize(camera, features, start, (sigma_px, Loss::Huber)) {
-            if !minima.iter().any(|known| is_same(known, &found)) {
-                minima.push(found);
-            }
-        }
+    for start in starts.iter().take(MAX_STARTS) {
+        search(camera, features, start, sigma_px, &mut minima);
     }
     minima.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    if let Some(flip) = minima.first().and_then(|best| flipped(camera, features, &best.pose)) {
+        search(camera, features, &flip, sigma_px, &mut minima);
+        minima.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    }
     minima
 }
 
-fn is_near(a: &Transform<Hall, Body>, b: &Transform<Hall, Body>) -> bool {
+/// Adds the minimum that a start leads to, if it is a new one.
+fn search(
+    camera: &CameraModel,
+    features: &[PointFeature],
+    start: &Pose,
+    sigma_px: f64,
+    minima: &mut Vec<Minimum>,
+) {
+    if minima.iter().any(|minimum| is_near(&minimum.pose, start)) {
+        return;
+    }
+    let found = minimize(camera, features, start, (sigma_px, Loss::Huber));
+    minima.extend(found.filter(|new| !minima.iter().any(|known| is_same(known, new))));
+}
+
+/// The other pose that nearly explains points in a plane; `None` if they lie in none.
+fn flipped(camera: &CameraModel, features: &[PointFeature], pose: &Pose) -> Option<Pose> {
+    let places: Vec<Vector3<f64>> = features.iter().map(|f| f.place.coords).collect();
+    let camera_from_hall = (*pose * camera.body_from_camera).inverse();
+    let flipped = planar_pose::flipped(&camera_from_hall, &places)?;
+    Some((camera.body_from_camera * flipped).inverse())
+}
+
+fn is_near(a: &Pose, b: &Pose) -> bool {
     (a.origin - b.origin).coords.norm() + a.rotation.minus(&b.rotation).norm() < SAME_BASIN
 }
 
@@ -142,23 +153,37 @@ fn is_same(a: &Minimum, b: &Minimum) -> bool {
     d.dot(&(a.information * d)) < SAME_MINIMUM
 }
 
+/// How much larger the corners' variance is than configured, at least 1: then all χ² are too large
+/// by the same factor. From the median, which outliers do not move.
+fn excess_variance(
+    camera: &CameraModel,
+    features: &[PointFeature],
+    pose: &Pose,
+    sigma_px: f64,
+) -> f64 {
+    /// Median of χ² with two degrees of freedom: 2 ln 2.
+    const MEDIAN_CHI2: f64 = 2.0 * std::f64::consts::LN_2;
+    let reprojector = Reprojector::new(camera, pose);
+    let mut squares: Vec<f64> = features
+        .iter()
+        .filter_map(|f| Some((reprojector.reproject(&f.place)?.0 - f.pixel).norm_squared()))
+        .collect();
+    squares.sort_by(f64::total_cmp);
+    let median_px2 = squares.get(squares.len() / 2).copied().unwrap_or(f64::INFINITY);
+    (median_px2 / (sigma_px * sigma_px * MEDIAN_CHI2)).max(1.0)
+}
+
 /// The minimum that is left when reprojection and gravity have ruled out what they can.
 fn chosen(
     mut minima: Vec<Minimum>,
-    n_features: usize,
+    excess: f64,
     gravity_body: Option<&Vector3<f64>>,
 ) -> Result<Minimum, NoFix> {
-    if minima.is_empty() {
-        return Err(NoFix::NotObservable);
-    }
     if let Some(gravity) = gravity_body {
         minima.retain(|minimum| tilt_rad(minimum, gravity) <= MAX_TILT_RAD);
     }
     let best = *minima.first().ok_or(NoFix::BadResidual)?;
-    // Where the corners are worse than configured, all χ² are too large by the same factor.
-    #[expect(clippy::cast_precision_loss, reason = "a frame has few points")]
-    let scale = (best.cost / n_features as f64).max(1.0);
-    let as_good = |minimum: &Minimum| 2.0 * (minimum.cost - best.cost) < AMBIGUOUS_CHI2 * scale;
+    let as_good = |minimum: &Minimum| 2.0 * (minimum.cost - best.cost) < AMBIGUOUS_CHI2 * excess;
     minima.retain(as_good);
     if minima.len() == 1 {
         return Ok(best);

@@ -6,9 +6,9 @@ use crate::geometry::{Body, Camera, Hall, Point, Transform, skew};
 use crate::localization::camera_model::CameraModel;
 use nalgebra::{Matrix2x3, Matrix2x6, Matrix3, Matrix6, Vector2, Vector6};
 
-const MAX_ITERATIONS: usize = 30;
-/// Huber's threshold in σ: a residual of two coordinates keeps below it in 60 of 100 cases.
-const HUBER_SIGMAS: f64 = 1.345;
+const MAX_ITERATIONS: usize = 60;
+/// Huber's threshold in σ: a residual of two coordinates keeps below it in 86 of 100 cases.
+const HUBER_SIGMAS: f64 = 2.0;
 /// Where the redescending loss has lost half of its slope's growth, in σ.
 const REDESCENDING_SIGMAS: f64 = 3.0;
 /// Points that a wrong pose puts behind the camera cost as much as one at this many σ.

@@ -63,7 +63,7 @@ fn points_on_a_wall_give_a_pose_from_nothing() {
 
 #[test]
 fn points_sharpen_what_tags_say() {
-    let tag: Vec<Vector3<f64>> = wall_tags()[1].map(|corner| corner.coords).to_vec();
+    let tag: Vec<Vector3<f64>> = wall_tags()[1].map(|corner| corner.coords * 0.6).to_vec();
     let alone = fix_from(&tag, 0.0, Start::Prior(&truth())).expect("a fix");
     let both = [tag, scattered()].concat();
     let fix = fix_from(&both, 0.4, cold(None)).expect("a fix");
