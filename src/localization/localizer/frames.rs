@@ -94,7 +94,7 @@ impl Localizer {
         }
         let tags: Vec<TagName> = seen.tags.iter().map(|tag| tag.name).collect();
         match (self.settings.update, &motion) {
-            (Update::Tight, Some(_)) => self.take_frame(frame.captured_at, seen, &mut record),
+            (Update::Tight, Some(_)) => self.take_frame(frame.captured_at, &seen, &mut record),
             _ => self.take_loose(&seen, motion.as_ref(), &mut record),
         }
         if matches!(record.verdict, Verdict::Fused | Verdict::Initialized) {
@@ -179,7 +179,7 @@ impl Localizer {
     }
 
     /// Fuses the points of a frame, or the fix that stands in for them.
-    fn take_frame(&mut self, at: Stamp<Mono>, seen: Seen, record: &mut FixRecord) {
+    fn take_frame(&mut self, at: Stamp<Mono>, seen: &Seen, record: &mut FixRecord) {
         let (settings, n_tags) = (&self.settings, seen.n_tags());
         let Some(ring) = &mut self.ring else { return };
         let frame = seen.frame.clone();
