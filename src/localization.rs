@@ -16,6 +16,7 @@ pub mod vision_fix;
 
 mod frozen;
 mod imu_clock;
+mod linear_pose;
 mod localizer;
 mod planar_pose;
 mod propagation;

@@ -9,12 +9,13 @@ use super::imu_clock::{ImuClock, Tick};
 use super::marker_map::MarkerMap;
 use super::ring::{Insertion, Ring};
 use super::start::{PadPose, RestWindow, aligned};
-use super::tag_health::TagHealth;
+use super::tag_health::{TagHealth, TagName};
 use super::vision_fix;
 use crate::geometry::{Body, Hall, Transform};
 use crate::messages::state::{ATT, POS, VEL};
 use crate::messages::{
-    FixRecord, FixSource, ImuSample, NavEstimate, PoseError, Severity, StatusText, Verdict,
+    FixRecord, FixSource, ImuSample, NavEstimate, PoseError, Severity, StatusText, TagSensitivity,
+    Verdict,
 };
 use crate::stats::chi2_gate_99;
 use crate::time::{Mono, Stamp};
@@ -92,6 +93,8 @@ pub struct Localizer {
     standstill: Standstill,
     tag_health: TagHealth,
     frozen: Vec<FrozenWatch>,
+    /// Camera and tags of the latest fused frame.
+    last_fused_tags: Option<(usize, Vec<TagName>)>,
     notices: Vec<StatusText>,
     records: Vec<FixRecord>,
 }
@@ -146,6 +149,7 @@ impl Localizer {
             began_at: None,
             standstill: Standstill::default(),
             tag_health: TagHealth::default(),
+            last_fused_tags: None,
             notices: Vec::new(),
             records: Vec::new(),
         }
@@ -300,8 +304,16 @@ impl Localizer {
             from_previous,
             velocity_mps: state.velocity_mps,
             rate_radps,
-            tags: Vec::new(),
+            tags: self.tag_sensitivities(&state.hall_from_body),
         })
+    }
+
+    /// What errors in the places of the tags of the latest fused frame do to a fix from this pose.
+    /// The filter's pose follows once it has seen them for some seconds.
+    fn tag_sensitivities(&self, hall_from_body: &Transform<Hall, Body>) -> Vec<TagSensitivity> {
+        let Some((camera_idx, tags)) = &self.last_fused_tags else { return Vec::new() };
+        let Some(camera) = self.cameras.get(*camera_idx) else { return Vec::new() };
+        vision_fix::tag_sensitivity(camera, &self.settings.marker_map, tags, hall_from_body)
     }
 
     /// The newest instant with a known pose.

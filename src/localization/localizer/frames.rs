@@ -5,13 +5,14 @@ use super::super::filter::{Covariance, FilterState, Innovation};
 use super::super::frozen::Picture;
 use super::super::ring::{FrameInsertion, FramePlaced, Insertion};
 use super::super::start::{AT_REST, IN_FLIGHT, Rest, agrees_with_gravity, set_sigma};
-use super::super::tag_health::TagPoints;
-use super::super::tight_update::{Frame, Sighting, Viewpoint};
-use super::super::vision_fix::{self, NoFix};
+use super::super::tag_health::{TagName, TagPoints};
+use super::super::tight_update::{Frame, Projector, Sighting, Viewpoint};
+use super::super::vision_fix::{self, NoFix, PointFeature, Start};
 use super::{Localizer, Placement, Update};
-use crate::geometry::{Body, Hall, Transform};
+use crate::geometry::{Body, Hall, Point, Transform};
 use crate::messages::{
-    FixOutcome, FixRecord, FixSource, Severity, StatusText, TagDetection, TagDetections, Verdict,
+    FixOutcome, FixRecord, FixSource, PointDetection, Severity, StatusText, TagDetection,
+    TagDetections, Verdict,
 };
 use crate::stats::chi2_gate_99;
 use crate::time::{Mono, Stamp};
@@ -32,13 +33,34 @@ const PLAUSIBLE_SPEED_MPS: f64 = 5.0;
 /// In flight one tag alone, which may have been moved, outvotes nobody.
 const MIN_TAGS_TO_RELOCATE: usize = 2;
 
-/// The mapped tags of a frame.
+/// The mapped tags and points of a frame.
 struct Seen {
-    /// Those that are trusted, for the vision fix.
-    tags: Vec<TagDetection>,
-    /// The points of all of them.
+    /// Four corners of each tag, then the points that belong to none.
     frame: Frame,
-    points: Vec<TagPoints>,
+    tags: Vec<TagPoints>,
+}
+
+impl Seen {
+    /// How many tags the points are worth: four points that belong to none count as one.
+    fn n_tags(&self) -> usize {
+        self.frame.points.len() / 4
+    }
+
+    /// The points as a fix wants them, all at the frame's stamp: what the rows' offsets moved is
+    /// taken back as far as the motion is known.
+    fn features(&self, view: Option<&Viewpoint>) -> Vec<PointFeature> {
+        let projector = view.map(|view| Projector::new(&self.frame, view));
+        let at_stamp = |point: &Sighting| {
+            let still = Sighting { offset_s: 0.0, ..*point };
+            let moved_px = projector.as_ref().filter(|_| point.offset_s != 0.0).and_then(|p| {
+                let by = p.residual(point)?.r - p.residual(&still)?.r;
+                Some(by * self.frame.corner_sigma_px)
+            });
+            let pixel = point.pixel + moved_px.unwrap_or_else(Vector2::zeros);
+            PointFeature { place: point.place, pixel }
+        };
+        self.frame.points.iter().map(at_stamp).collect()
+    }
 }
 
 impl Localizer {
@@ -61,18 +83,22 @@ impl Localizer {
                 record.verdict = Verdict::Frozen;
                 return record;
             }
-            let news = self.tag_health.judge(state, &view, &seen.frame, &seen.points);
+            let news = self.tag_health.judge(state, &view, &seen.frame, &seen.tags);
             self.notices.extend(news);
         }
         self.drop_excluded(&mut seen);
-        record.n_tags_used = seen.points.len();
+        record.n_tags_used = seen.tags.len();
         record.n_points = seen.frame.points.len();
         if seen.frame.points.is_empty() {
             return record;
         }
+        let tags: Vec<TagName> = seen.tags.iter().map(|tag| tag.name).collect();
         match (self.settings.update, &motion) {
-            (Update::Tight, Some(_)) => self.take_frame(frame.captured_at, seen, &mut record),
+            (Update::Tight, Some(_)) => self.take_frame(frame.captured_at, &seen, &mut record),
             _ => self.take_loose(&seen, motion.as_ref(), &mut record),
+        }
+        if matches!(record.verdict, Verdict::Fused | Verdict::Initialized) {
+            self.last_fused_tags = Some((camera_idx, tags));
         }
         record
     }
@@ -81,33 +107,37 @@ impl Localizer {
     /// is wrong or both are the same.
     fn seen(&self, camera: &Arc<CameraModel>, frame: &TagDetections) -> Seen {
         let mut seen = Seen {
-            tags: Vec::new(),
             frame: Frame {
                 camera: Arc::clone(camera),
                 points: Vec::new(),
                 corner_sigma_px: self.settings.vision.corner_sigma_px,
                 capture_sigma_s: self.settings.capture_sigma_s,
             },
-            points: Vec::new(),
+            tags: Vec::new(),
         };
+        let sighting = |place: &Point<Hall>, pixel: &[f64; 2]| Sighting {
+            place: *place,
+            pixel: Vector2::from(*pixel),
+            offset_s: camera.row_offset_s(pixel[1]),
+        };
+        let map = &self.settings.marker_map;
         let is_unique = |tag: &&TagDetection| {
             frame.tags.iter().filter(|t| (t.family, t.id) == (tag.family, tag.id)).count() == 1
         };
         for tag in frame.tags.iter().filter(is_unique) {
-            let Some(corners) = self.settings.marker_map.corners(tag.family, tag.id) else {
-                continue;
-            };
+            let Some(corners) = map.corners(tag.family, tag.id) else { continue };
             let first = seen.frame.points.len();
-            for (place, pixel) in corners.iter().zip(&tag.corners_px) {
-                seen.frame.points.push(Sighting {
-                    place: *place,
-                    pixel: Vector2::from(*pixel),
-                    offset_s: camera.row_offset_s(pixel[1]),
-                });
-            }
+            let corners = corners.iter().zip(&tag.corners_px);
+            seen.frame.points.extend(corners.map(|(place, pixel)| sighting(place, pixel)));
             let range = first..seen.frame.points.len();
-            seen.points.push(TagPoints { name: (tag.family, tag.id), range });
-            seen.tags.push(*tag);
+            seen.tags.push(TagPoints { name: (tag.family, tag.id), range });
+        }
+        let is_single = |point: &&PointDetection| {
+            frame.points.iter().filter(|other| other.id == point.id).count() == 1
+        };
+        for point in frame.points.iter().filter(is_single) {
+            let place = map.point(point.id);
+            seen.frame.points.extend(place.map(|place| sighting(&place, &point.pixel_px)));
         }
         seen
     }
@@ -133,29 +163,29 @@ impl Localizer {
     }
 
     fn drop_excluded(&self, seen: &mut Seen) {
-        let is_out = |points: &TagPoints| self.tag_health.is_excluded(points.name);
-        if !seen.points.iter().any(is_out) {
+        let is_out = |tag: &TagPoints| self.tag_health.is_excluded(tag.name);
+        if !seen.tags.iter().any(is_out) {
             return;
         }
-        let (mut points, mut sightings) = (Vec::new(), Vec::new());
-        for tag in seen.points.drain(..).filter(|tag| !is_out(tag)) {
-            let first = sightings.len();
-            sightings.extend_from_slice(seen.frame.points.get(tag.range).unwrap_or_default());
-            points.push(TagPoints { name: tag.name, range: first..sightings.len() });
+        let n_corners = seen.tags.last().map_or(0, |tag| tag.range.end);
+        let (mut tags, mut kept) = (Vec::new(), Vec::new());
+        for tag in seen.tags.drain(..).filter(|tag| !is_out(tag)) {
+            let first = kept.len();
+            kept.extend_from_slice(seen.frame.points.get(tag.range).unwrap_or_default());
+            tags.push(TagPoints { name: tag.name, range: first..kept.len() });
         }
-        seen.tags.retain(|tag| !self.tag_health.is_excluded((tag.family, tag.id)));
-        (seen.points, seen.frame.points) = (points, sightings);
+        kept.extend(seen.frame.points.drain(..).skip(n_corners));
+        (seen.tags, seen.frame.points) = (tags, kept);
     }
 
     /// Fuses the points of a frame, or the fix that stands in for them.
-    fn take_frame(&mut self, at: Stamp<Mono>, seen: Seen, record: &mut FixRecord) {
-        let Seen { tags, frame, points } = seen;
-        let (settings, camera) = (&self.settings, Arc::clone(&frame.camera));
+    fn take_frame(&mut self, at: Stamp<Mono>, seen: &Seen, record: &mut FixRecord) {
+        let (settings, n_tags) = (&self.settings, seen.n_tags());
         let Some(ring) = &mut self.ring else { return };
+        let frame = seen.frame.clone();
         let solve = |state: &FilterState, rate_radps: &Vector3<f64>| {
-            let features = vision_fix::features(&settings.marker_map, &tags);
-            let prior = Some(&state.hall_from_body);
-            let mut fix = solved(&camera, &features, prior, &settings.vision).ok()?;
+            let features = seen.features(Some(&Viewpoint::of(state, rate_radps)));
+            let mut fix = near(&seen.frame.camera, &features, state, &settings.vision).ok()?;
             fix.pose_cov += capture_time_cov(state, rate_radps, settings.capture_sigma_s);
             Some(fix)
         };
@@ -163,7 +193,7 @@ impl Localizer {
         match ring.insert_frame(at, frame, solve) {
             FrameInsertion::TooOld => record.verdict = Verdict::TooOld,
             FrameInsertion::FromTheFuture => record.verdict = Verdict::FromTheFuture,
-            FrameInsertion::Placed(placed) => self.judge_frame(at, *placed, points.len(), record),
+            FrameInsertion::Placed(placed) => self.judge_frame(at, *placed, n_tags, record),
         }
     }
 
@@ -196,16 +226,26 @@ impl Localizer {
         motion: Option<&(FilterState, Vector3<f64>)>,
         record: &mut FixRecord,
     ) {
-        let features = vision_fix::features(&self.settings.marker_map, &seen.tags);
-        let prior = motion.map(|(state, _)| &state.hall_from_body);
-        match solved(&seen.frame.camera, &features, prior, &self.settings.vision) {
+        let (camera, vision) = (&seen.frame.camera, &self.settings.vision);
+        let solved = match motion {
+            Some((state, rate_radps)) => {
+                let view = Viewpoint::of(state, rate_radps);
+                near(camera, &seen.features(Some(&view)), state, vision)
+            }
+            None => {
+                let gravity_body = self.rest.gyro_rest().map(|rest| -rest.accel_mps2);
+                let start = Start::Cold { gravity_body };
+                vision_fix::solve_from(camera, &seen.features(None), start, vision)
+            }
+        };
+        match solved {
             Ok(mut fix) => {
                 if let Some((state, rate_radps)) = motion {
                     let sigma_s = self.settings.capture_sigma_s;
                     fix.pose_cov += capture_time_cov(state, rate_radps, sigma_s);
                 }
                 record.n_points_used = record.n_points;
-                self.take_fix(record.at, &fix, seen.points.len(), record);
+                self.take_fix(record.at, &fix, seen.n_tags(), record);
                 record.fix = Some(fix);
             }
             Err(NoFix::NoKnownTag) => {}
@@ -341,18 +381,22 @@ fn capture_time_cov(
     motion * motion.transpose() * capture_sigma_s.powi(2)
 }
 
-/// A fix near the prior; from nothing where that fails, because a prior far from the truth can trap
-/// the iteration.
-fn solved(
+/// A fix near the state; from nothing but the state's tilt where that fails, because a prior far from
+/// the truth can trap the iteration.
+fn near(
     camera: &CameraModel,
-    features: &[vision_fix::PointFeature],
-    prior: Option<&Transform<Hall, Body>>,
+    features: &[PointFeature],
+    state: &FilterState,
     settings: &vision_fix::Settings,
 ) -> Result<FixOutcome, NoFix> {
-    let first = vision_fix::solve(camera, features, prior, settings);
-    match (&first, prior) {
-        (Err(NoFix::BadResidual), Some(_)) => vision_fix::solve(camera, features, None, settings),
-        _ => first,
+    let start = Start::Prior(&state.hall_from_body);
+    match vision_fix::solve_from(camera, features, start, settings) {
+        Err(NoFix::BadResidual) => {
+            let down = state.hall_from_body.rotation.inverse().quaternion() * -Vector3::z();
+            let start = Start::Cold { gravity_body: Some(down) };
+            vision_fix::solve_from(camera, features, start, settings)
+        }
+        solved => solved,
     }
 }
 
