@@ -5,15 +5,21 @@
 //! checked before anything starts, printed by `--print-config`, and kept in every log, so that a
 //! replay finds it.
 
+mod camera_info;
+mod cameras;
 mod convert;
 mod error;
+mod field_layout;
 mod file;
 mod load;
+mod markers;
 
+pub use cameras::{CameraSection, LensName};
 pub use error::ConfigError;
 pub use file::{
-    CameraSection, Config, FilterSection, HallSection, LidarSection, LinkSection, LogSection,
-    MissionSection, MountSection, PlannerName, PlanningSection, RectSection, SmoothnessName,
-    SurfaceName, SurfaceSection, TagSection, VarianceUpdateName, VolumeVarianceName,
+    Config, FilterSection, HallSection, LidarSection, LinkSection, LogSection, MissionSection,
+    MountSection, PlannerName, PlanningSection, RectSection, SmoothnessName, SurfaceName,
+    SurfaceSection, VarianceUpdateName, VolumeVarianceName,
 };
 pub use load::load;
+pub use markers::{MarkersSection, PointSection, TagSection};

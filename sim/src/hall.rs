@@ -6,8 +6,9 @@ use crate::scenario::Scenario;
 use crate::world::{Region, World};
 use std::path::PathBuf;
 use stockpilot::config::{
-    CameraSection, Config, FilterSection, HallSection, LidarSection, LinkSection, LogSection,
-    MissionSection, MountSection, PlanningSection, RectSection, SurfaceSection, TagSection,
+    CameraSection, Config, FilterSection, HallSection, LensName, LidarSection, LinkSection,
+    LogSection, MarkersSection, MissionSection, MountSection, PlanningSection, RectSection,
+    SurfaceSection, TagSection,
 };
 use stockpilot::geometry::{Body, Camera, Frame, Rotation, Transform};
 
@@ -62,7 +63,9 @@ pub fn config(scenario: &Scenario, devices: Devices) -> Config {
         log: LogSection { directory: devices.log_directory },
         detections: devices.detections,
         cameras: vec![camera(&scenario.camera)],
+        markers: MarkersSection::default(),
         tags: tags(world),
+        points: Vec::new(),
     }
 }
 
@@ -124,10 +127,13 @@ fn camera(model: &CameraModel) -> CameraSection {
     );
     let turn: Rotation<Body, Body> = model.body_from_camera.rotation * looking_forward.inverse();
     CameraSection {
-        size_px: [lens.width_px, lens.height_px],
-        focal_px: [lens.fx_px, lens.fy_px],
-        principal_px: [lens.cx_px, lens.cy_px],
-        distortion: [lens.k1, lens.k2, lens.p1, lens.p2],
+        calibration_file: None,
+        size_px: Some([lens.width_px, lens.height_px]),
+        focal_px: Some([lens.fx_px, lens.fy_px]),
+        principal_px: Some([lens.cx_px, lens.cy_px]),
+        lens: LensName::RadialTangential,
+        distortion: vec![lens.k1, lens.k2, lens.p1, lens.p2],
+        readout_s: 0.0,
         mount: mount(&Transform::new(turn, model.body_from_camera.origin)),
     }
 }
@@ -148,6 +154,7 @@ fn tags(world: &World) -> Vec<TagSection> {
             family: tag.family.name().to_owned(),
             id: tag.id,
             corners_m: tag.corners.map(|corner| corner.coords.into()),
+            faces_away: false,
         })
         .collect()
 }

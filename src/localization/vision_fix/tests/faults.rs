@@ -154,7 +154,7 @@ fn one_leaning_tag() -> [Point<Hall>; 4] {
     [corner, corner + right, corner + right + up, corner + up].map(Point::from_coords)
 }
 
-/// Of 200 frames of one tag: fixed within 5σ, refused. Anything else fails.
+/// Of 200 frames of one tag: fixed on the right side, refused. Anything else fails.
 fn flips(tag: [Point<Hall>; 4], start: impl Fn(&Transform<Hall, Body>) -> Start<'_>) -> (u32, u32) {
     let (camera, pose) = (distorted_camera(), truth());
     let settings = Settings { corner_sigma_px: 0.3, max_position_sigma_m: 2.0 };
@@ -165,10 +165,9 @@ fn flips(tag: [Point<Hall>; 4], start: impl Fn(&Transform<Hall, Body>) -> Start<
         assert_eq!(features.len(), 4);
         match solve_from(&camera, &features, start(&pose), &settings) {
             Ok(fix) => {
-                let e = error(&fix, &pose);
-                let nees = e.dot(&(fix.pose_cov.try_inverse().expect("regular") * e));
-                // A flip is some 80° off: NEES of thousands. Curvature stretches the tail.
-                assert!(nees < 60.0, "seed {seed}: NEES {nees}, error {e}");
+                // A flip turns by some 80° and shifts by metres; far less of a turn is noise.
+                let turned_rad = fix.hall_from_body.rotation.minus(&pose.rotation).norm();
+                assert!(turned_rad < 0.35, "seed {seed}: {}", error(&fix, &pose));
                 n_fixed += 1;
             }
             Err(refusal) => {
