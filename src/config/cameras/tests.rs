@@ -23,8 +23,7 @@ fn coefficients_come_in_the_order_of_opencv() {
     let camera =
         CameraSection { distortion: vec![0.1, 0.2, 0.01, 0.02, 0.3, 0.4, 0.5, 0.6], ..section() };
     let Lens::RadialTangential(lens) = camera.model(0).unwrap().lens else { panic!("wrong lens") };
-    assert_eq!(lens.radial(), [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]);
-    assert_eq!(lens.tangential(), [0.01, 0.02]);
+    assert_eq!(lens, RadialTangential::new([0.1, 0.2, 0.3, 0.4, 0.5, 0.6], [0.01, 0.02]));
     let fisheye = CameraSection { lens: LensName::Fisheye, ..section() }.model(0).unwrap();
     assert_eq!(fisheye.lens, Lens::fisheye([-0.1, 0.02, 0.001, -0.002]));
     assert!((fisheye.row_offset_s(799.5) - 0.006).abs() < 1e-12, "readout");
