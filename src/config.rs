@@ -17,9 +17,9 @@ mod markers;
 pub use cameras::{CameraSection, LensName};
 pub use error::ConfigError;
 pub use file::{
-    Config, FilterSection, HallSection, LidarSection, LinkSection, LogSection, MissionSection,
-    MountSection, PlannerName, PlanningSection, RectSection, SmoothnessName, SurfaceName,
-    SurfaceSection, VarianceUpdateName, VolumeVarianceName,
+    Config, FieldSection, FilterSection, HallSection, LidarSection, LinkSection, LogSection,
+    MissionSection, MountSection, PlannerName, PlanningSection, RectSection, SmoothnessName,
+    SurfaceName, SurfaceSection, UncertaintySection, VarianceUpdateName, VolumeVarianceName,
 };
 pub use load::load;
 pub use markers::{MarkersSection, PointSection, TagSection};

@@ -2,15 +2,16 @@
 
 use super::error::ConfigError;
 use super::file::{
-    Config, MountSection, PlannerName, RectSection, SmoothnessName, VarianceUpdateName,
-    VolumeVarianceName,
+    Config, MountSection, PadSection, PlannerName, RectSection, SmoothnessName, SurfaceName,
+    UpdateName, VarianceUpdateName, VolumeVarianceName,
 };
 use crate::geometry::{Body, Frame, Point, Rotation, Transform};
 use crate::localization::filter::ImuNoise;
 use crate::localization::{self, vision_fix};
+use crate::mapping::budget::CalibrationSigmas;
 use crate::mapping::projection::LidarMount;
 use crate::mapping::region::{Rect, Region};
-use crate::mapping::{self, VolumeVariance, kalman_grid, sparse_gp};
+use crate::mapping::{self, VolumeVariance, field_map, grid_map, kalman_grid, sparse_gp};
 use crate::planning::trajectory::Limits;
 use crate::planning::{self, PlannerKind};
 use crate::units::rad_from_deg;
@@ -145,6 +146,11 @@ impl Config {
                     "m",
                 )?,
             },
+            update: match f.update {
+                UpdateName::Loose => localization::Update::Loose,
+                UpdateName::Tight => localization::Update::Tight,
+            },
+            pad: f.pad.as_ref().map(pad_pose).transpose()?,
             capture_sigma_s: within("filter.capture_sigma_s", f.capture_sigma_s, (0.0, 0.1), "s")?,
             imu_noise: ImuNoise {
                 accel_density_mps2_rthz: density(
@@ -188,6 +194,10 @@ impl Config {
         let n_pairs = n_cells * 0.5 * std::f64::consts::PI * (reach_cells + 1.0).powi(2);
         within("pairs of cells within surface.reach", n_pairs, (1.0, 3e7), "")?;
         Ok(mapping::Settings {
+            method: match s.method {
+                SurfaceName::KalmanGrid => mapping::Method::KalmanGrid,
+                SurfaceName::MaternField => mapping::Method::MaternField,
+            },
             region,
             cell_m,
             base_height_m: within(
@@ -204,6 +214,20 @@ impl Config {
                 "m",
             )?,
             lidar: self.lidar_mount()?,
+            grid: self.grid_settings(kalman_grid),
+            field: self.field_settings(&kalman_grid)?,
+            max_position_sigma_m: within(
+                "surface.max_position_sigma_m",
+                s.max_position_sigma_m,
+                (0.01, 5.0),
+                "m",
+            )?,
+        })
+    }
+
+    const fn grid_settings(&self, kalman_grid: kalman_grid::Settings) -> grid_map::Settings {
+        let s = &self.surface;
+        grid_map::Settings {
             kalman_grid,
             gp: sparse_gp::Settings {
                 smoothness: match s.smoothness {
@@ -226,12 +250,61 @@ impl Config {
                 VolumeVarianceName::Printed => VolumeVariance::Printed,
                 VolumeVarianceName::Full => VolumeVariance::Full,
             },
-            max_position_sigma_m: within(
-                "surface.max_position_sigma_m",
-                s.max_position_sigma_m,
-                (0.01, 5.0),
-                "m",
-            )?,
+        }
+    }
+
+    fn field_settings(
+        &self,
+        kalman_grid: &kalman_grid::Settings,
+    ) -> Result<field_map::Settings, ConfigError> {
+        let (field, u) = (&self.surface.field, &self.surface.uncertainty);
+        let sigma = |key, value, most, unit| within(key, value, (0.0, most), unit);
+        Ok(field_map::Settings {
+            range_m: within("surface.field.range_m", field.range_m, (0.2, 100.0), "m")?,
+            sigma_m: within("surface.field.sigma_m", field.sigma_m, (0.01, 50.0), "m")?,
+            nugget_m: within("surface.field.nugget_m", field.nugget_m, (1e-3, 2.0), "m")?,
+            estimates_prior: field.estimates_prior,
+            mean_level_m: (kalman_grid.prior_height_m, kalman_grid.prior_sigma_m),
+            slope_sigma: kalman_grid.slope_sigma,
+            calibration: CalibrationSigmas {
+                range_bias_m: sigma(
+                    "surface.uncertainty.range_bias_sigma_m",
+                    u.range_bias_sigma_m,
+                    1.0,
+                    "m",
+                )?,
+                range_scale: sigma(
+                    "surface.uncertainty.range_scale_sigma",
+                    u.range_scale_sigma,
+                    0.1,
+                    "",
+                )?,
+                mount_position_m: sigma(
+                    "surface.uncertainty.mount_position_sigma_m",
+                    u.mount_position_sigma_m,
+                    1.0,
+                    "m",
+                )?,
+                mount_rotation_rad: rad_from_deg(sigma(
+                    "surface.uncertainty.mount_rotation_sigma_deg",
+                    u.mount_rotation_sigma_deg,
+                    20.0,
+                    "deg",
+                )?),
+                clock_offset_s: 1e-3
+                    * sigma(
+                        "surface.uncertainty.clock_offset_sigma_ms",
+                        u.clock_offset_sigma_ms,
+                        1000.0,
+                        "ms",
+                    )?,
+                tag_place_m: sigma(
+                    "surface.uncertainty.marker_sigma_m",
+                    u.marker_sigma_m,
+                    1.0,
+                    "m",
+                )?,
+            },
         })
     }
 
@@ -428,4 +501,21 @@ pub(super) fn mount<F: Frame>(
     let [roll, pitch, yaw] = m.rotation_deg.map(rad_from_deg);
     let [x, y, z] = m.position_m;
     Ok(Transform::new(Rotation::from_euler_rad(roll, pitch, yaw), Point::new(x, y, z)))
+}
+
+fn pad_pose(pad: &PadSection) -> Result<localization::PadPose, ConfigError> {
+    let coordinate =
+        |k: usize| within("filter.pad.position_m", pad.position_m[k], (-10_000.0, 10_000.0), "m");
+    let sigma_deg = within("filter.pad.yaw_sigma_deg", pad.yaw_sigma_deg, (0.1, 30.0), "°")?;
+    Ok(localization::PadPose {
+        position: Point::new(coordinate(0)?, coordinate(1)?, coordinate(2)?),
+        yaw_rad: within("filter.pad.yaw_deg", pad.yaw_deg, (-360.0, 360.0), "°")?.to_radians(),
+        position_sigma_m: within(
+            "filter.pad.position_sigma_m",
+            pad.position_sigma_m,
+            (0.005, 5.0),
+            "m",
+        )?,
+        yaw_sigma_rad: sigma_deg.to_radians(),
+    })
 }

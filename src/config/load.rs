@@ -2,6 +2,7 @@
 
 use super::error::ConfigError;
 use super::file::Config;
+use super::markers::MarkersSection;
 use std::path::Path;
 
 /// Prefix of the environment variables that override the file.
@@ -47,7 +48,7 @@ impl Config {
             (self.markers.read_file(directory)?, self.markers.read_layout(directory)?);
         self.tags.extend(file.tags.into_iter().chain(layout));
         self.points.extend(file.points);
-        self.markers = self.markers.without_files();
+        self.markers = MarkersSection::default();
         Ok(self)
     }
 }

@@ -10,12 +10,10 @@ use crate::messages::TagFamily;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// Files with tags and points, and how well their places are known.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+/// Files with tags and points.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct MarkersSection {
-    /// Standard deviation of the surveyed place of a tag or point, each axis, m.
-    pub place_sigma_m: f64,
     /// A TOML file beside this one with `[[tags]]` and `[[points]]` of its own. In the effective
     /// configuration it has been read.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -31,18 +29,6 @@ pub struct MarkersSection {
     /// Family of the layout's tags, which it does not tell.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub field_layout_family: Option<String>,
-}
-
-impl Default for MarkersSection {
-    fn default() -> Self {
-        Self {
-            place_sigma_m: MarkerMap::default().place_sigma_m(),
-            file: None,
-            field_layout: None,
-            field_layout_edge_m: None,
-            field_layout_family: None,
-        }
-    }
 }
 
 /// One tag.
@@ -110,11 +96,6 @@ impl MarkersSection {
         map_of(&tags, &[]).map_err(|error| refuse(error.to_string()))?;
         Ok(tags)
     }
-
-    /// The section when its files have been read.
-    pub(super) fn without_files(&self) -> Self {
-        Self { place_sigma_m: self.place_sigma_m, ..Self::default() }
-    }
 }
 
 fn read(path: &Path) -> Result<String, ConfigError> {
@@ -154,7 +135,12 @@ impl Config {
             return Err(invalid("tags", "without tags the vehicle cannot know where it is"));
         }
         self.check_facing(&map)?;
-        let place_sigma_m = within("markers.place_sigma_m", m.place_sigma_m, (0.0, 1.0), "m")?;
+        let place_sigma_m = within(
+            "surface.uncertainty.marker_sigma_m",
+            self.surface.uncertainty.marker_sigma_m,
+            (0.0, 1.0),
+            "m",
+        )?;
         Ok(map.with_place_sigma_m(place_sigma_m))
     }
 

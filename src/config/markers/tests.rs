@@ -17,7 +17,7 @@ const LAYOUT: &str = r#"{"tags": [{"ID": 30, "pose": {"translation": {"x": 21.0,
 /// A folder with the example, its `[markers]` extended, and the files beside it.
 fn folder(markers: &str, files: &[(&str, &str)]) -> tempfile::TempDir {
     let directory = tempfile::tempdir().unwrap();
-    let text = EXAMPLE.replace("place_sigma_m = 0.005", markers);
+    let text = EXAMPLE.replace("[markers]\n", &format!("[markers]\n{markers}\n"));
     std::fs::write(directory.path().join("hall.toml"), text).unwrap();
     for (name, contents) in files {
         std::fs::write(directory.path().join(name), contents).unwrap();
@@ -29,8 +29,7 @@ fn loaded(markers: &str, files: &[(&str, &str)]) -> Result<Config, ConfigError> 
     load(&folder(markers, files).path().join("hall.toml"), &[])
 }
 
-const BOTH: &str = "place_sigma_m = 0.01
-file = \"markers.toml\"
+const BOTH: &str = "file = \"markers.toml\"
 field_layout = \"layout.json\"
 field_layout_edge_m = 0.4
 field_layout_family = \"16h5\"";
@@ -39,7 +38,7 @@ field_layout_family = \"16h5\"";
 fn the_effective_configuration_holds_what_stood_in_the_files() {
     let config = loaded(BOTH, &[("markers.toml", FILE), ("layout.json", LAYOUT)]).unwrap();
     let map = config.marker_map().unwrap();
-    assert!((map.place_sigma_m() - 0.01).abs() < 1e-15);
+    assert!((map.place_sigma_m() - 0.005).abs() < 1e-15, "surface.uncertainty.marker_sigma_m");
     assert_eq!(map.len(), 4, "two of the example, one of each file");
     assert!(map.corners(TagFamily::Tag36h11, 20).is_some());
     // It looks along −x, so right for the onlooker is −y.
@@ -57,7 +56,7 @@ fn the_effective_configuration_holds_what_stood_in_the_files() {
 fn a_file_may_hold_all_tags() {
     let text = &EXAMPLE[..EXAMPLE.find("\n[[tags]]").unwrap()];
     let directory = folder("", &[("markers.toml", FILE)]);
-    let text = text.replace("place_sigma_m = 0.005", "file = \"markers.toml\"");
+    let text = text.replace("[markers]\n", "[markers]\nfile = \"markers.toml\"\n");
     let path = directory.path().join("hall.toml");
     std::fs::write(&path, &text).unwrap();
     assert_eq!(load(&path, &[]).unwrap().marker_map().unwrap().len(), 1);
@@ -129,7 +128,7 @@ fn a_mirrored_tag_is_refused_unless_it_is_meant() {
 
 #[test]
 fn files_that_nobody_has_read_are_no_map() {
-    let text = EXAMPLE.replace("place_sigma_m = 0.005", BOTH);
+    let text = EXAMPLE.replace("[markers]\n", &format!("[markers]\n{BOTH}\n"));
     let config = Config::from_toml(&text, Path::new("hall.toml")).unwrap();
     assert!(config.marker_map().unwrap_err().to_string().starts_with("markers:"));
 }
