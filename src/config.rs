@@ -8,17 +8,22 @@
 pub mod ascii_grid;
 
 mod bays;
+mod camera_info;
+mod cameras;
 mod convert;
 mod error;
+mod field_layout;
 mod file;
 mod load;
+mod markers;
 
 pub use bays::{BaseSection, BaySection, ExclusionSection};
+pub use cameras::{CameraSection, LensName};
 pub use error::ConfigError;
 pub use file::{
-    CameraSection, Config, FieldSection, FilterSection, HallSection, LidarSection, LinkSection,
-    LogSection, MissionSection, MountSection, PlannerName, PlanningSection, RectSection,
-    SurfaceName, SurfaceSection, TagSection, UncertaintySection, VarianceUpdateName,
-    VolumeVarianceName,
+    Config, FieldSection, FilterSection, HallSection, LidarSection, LinkSection, LogSection,
+    MissionSection, MountSection, PlannerName, PlanningSection, RectSection, SurfaceName,
+    SurfaceSection, UncertaintySection, VarianceUpdateName, VolumeVarianceName,
 };
 pub use load::load;
+pub use markers::{MarkersSection, PointSection, TagSection};

@@ -8,9 +8,9 @@ use crate::scenario::{Scenario, Variance};
 use crate::world::{Region, World};
 use std::path::PathBuf;
 use stockpilot::config::{
-    CameraSection, Config, FilterSection, HallSection, LidarSection, LinkSection, LogSection,
-    MissionSection, MountSection, PlanningSection, RectSection, SurfaceSection, TagSection,
-    UncertaintySection,
+    CameraSection, Config, FilterSection, HallSection, LensName, LidarSection, LinkSection,
+    LogSection, MarkersSection, MissionSection, MountSection, PlanningSection, RectSection,
+    SurfaceSection, TagSection, UncertaintySection,
 };
 use stockpilot::geometry::{Body, Camera, Frame, Rotation, Transform};
 
@@ -79,9 +79,11 @@ pub fn config(scenario: &Scenario, devices: Devices) -> Config {
         log: LogSection { directory: devices.log_directory },
         detections: devices.detections,
         cameras: vec![camera(&scenario.camera)],
+        markers: MarkersSection::default(),
         tags: tags(world, &conditions.errors),
         bays: Vec::new(),
         exclusions: Vec::new(),
+        points: Vec::new(),
     }
 }
 
@@ -157,10 +159,13 @@ fn camera(model: &CameraModel) -> CameraSection {
     );
     let turn: Rotation<Body, Body> = model.body_from_camera.rotation * looking_forward.inverse();
     CameraSection {
-        size_px: [lens.width_px, lens.height_px],
-        focal_px: [lens.fx_px, lens.fy_px],
-        principal_px: [lens.cx_px, lens.cy_px],
-        distortion: [lens.k1, lens.k2, lens.p1, lens.p2],
+        calibration_file: None,
+        size_px: Some([lens.width_px, lens.height_px]),
+        focal_px: Some([lens.fx_px, lens.fy_px]),
+        principal_px: Some([lens.cx_px, lens.cy_px]),
+        lens: LensName::RadialTangential,
+        distortion: vec![lens.k1, lens.k2, lens.p1, lens.p2],
+        readout_s: 0.0,
         mount: mount(&Transform::new(turn, model.body_from_camera.origin)),
     }
 }
@@ -183,6 +188,7 @@ fn tags(world: &World, errors: &CalibrationErrors) -> Vec<TagSection> {
             family: tag.family.name().to_owned(),
             id: tag.id,
             corners_m: errors.mapped_corners(i, tag).map(|corner| corner.coords.into()),
+            faces_away: false,
         })
         .collect()
 }

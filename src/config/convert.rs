@@ -2,24 +2,20 @@
 
 use super::error::ConfigError;
 use super::file::{
-    CameraSection, Config, MountSection, PadSection, PlannerName, RectSection, SurfaceName,
-    UpdateName, VarianceUpdateName, VolumeVarianceName,
+    Config, MountSection, PadSection, PlannerName, RectSection, SurfaceName, UpdateName,
+    VarianceUpdateName, VolumeVarianceName,
 };
-use crate::geometry::{Body, Camera, Frame, Point, Rotation, Transform};
-use crate::localization::camera_model::{CameraModel, Lens};
+use crate::geometry::{Body, Frame, Point, Rotation, Transform};
 use crate::localization::filter::ImuNoise;
-use crate::localization::marker_map::MarkerMap;
 use crate::localization::{self, vision_fix};
 use crate::mapping::budget::CalibrationSigmas;
 use crate::mapping::projection::LidarMount;
 use crate::mapping::region::Rect;
 use crate::mapping::{self, VolumeVariance, field_map, grid_map, kalman_grid, sparse_gp};
-use crate::messages::TagFamily;
 use crate::planning::trajectory::Limits;
 use crate::planning::{self, PlannerKind};
 use crate::units::rad_from_deg;
 use crate::{camera, lidar, link, mission, pilot};
-use std::f64::consts::FRAC_PI_2;
 use std::time::Duration;
 
 /// A number inside its range, or the error that names key, value and range.
@@ -36,7 +32,11 @@ pub(super) fn within(
     }
 }
 
-fn seconds(key: &str, value_s: f64, range_s: (f64, f64)) -> Result<Duration, ConfigError> {
+pub(super) fn seconds(
+    key: &str,
+    value_s: f64,
+    range_s: (f64, f64),
+) -> Result<Duration, ConfigError> {
     within(key, value_s, range_s, "s").map(Duration::from_secs_f64)
 }
 
@@ -105,10 +105,12 @@ impl Config {
     /// The detection listener's settings.
     ///
     /// # Errors
-    /// A malformed address.
+    /// A malformed address, or a camera without sound intrinsics.
     pub fn camera_settings(&self) -> Result<camera::Settings, ConfigError> {
         let address = detections_address(&self.detections)?;
-        let image_sizes_px = self.cameras.iter().map(|camera| camera.size_px).collect();
+        let intrinsics = self.cameras.iter().enumerate().map(|(k, c)| c.intrinsics(k));
+        let image_sizes_px =
+            intrinsics.map(|found| found.map(|i| i.size_px)).collect::<Result<_, _>>()?;
         Ok(camera::Settings { address, image_sizes_px })
     }
 
@@ -125,7 +127,7 @@ impl Config {
         if self.cameras.is_empty() {
             return Err(invalid("cameras", "there must be at least one camera"));
         }
-        let cameras = self.cameras.iter().enumerate().map(|(k, c)| camera_model(k, c));
+        let cameras = self.cameras.iter().enumerate().map(|(k, c)| c.model(k));
         let density = |key, value| within(key, value, (1e-8, 10.0), "1/√Hz");
         Ok(localization::Settings {
             cameras: cameras.collect::<Result<_, _>>()?,
@@ -166,20 +168,6 @@ impl Config {
             lost_after: seconds("filter.lost_after_s", f.lost_after_s, (0.2, 10.0))?,
             lost_sigma_m: within("filter.lost_sigma_m", f.lost_sigma_m, (0.02, 5.0), "m")?,
         })
-    }
-
-    fn marker_map(&self) -> Result<MarkerMap, ConfigError> {
-        let mut map = MarkerMap::default();
-        for tag in &self.tags {
-            let family = TagFamily::from_name(&tag.family).ok_or_else(|| {
-                invalid("tags.family", format!("{:?} is not 36h11, 25h9 or 16h5", tag.family))
-            })?;
-            map.insert(family, tag.id, tag.corners_m.map(|[x, y, z]| Point::new(x, y, z)))?;
-        }
-        if map.is_empty() {
-            return Err(invalid("tags", "without tags the vehicle cannot know where it is"));
-        }
-        Ok(map)
     }
 
     fn mapping_settings(&self) -> Result<mapping::Settings, ConfigError> {
@@ -489,7 +477,10 @@ pub(super) fn rect(key: &str, r: &RectSection) -> Result<Rect, ConfigError> {
 }
 
 /// Pose of a sensor on the body.
-fn mount<F: Frame>(key: &str, m: &MountSection) -> Result<Transform<Body, F>, ConfigError> {
+pub(super) fn mount<F: Frame>(
+    key: &str,
+    m: &MountSection,
+) -> Result<Transform<Body, F>, ConfigError> {
     for value in m.position_m {
         within(key, value, (-5.0, 5.0), "m")?;
     }
@@ -515,37 +506,5 @@ fn pad_pose(pad: &PadSection) -> Result<localization::PadPose, ConfigError> {
             "m",
         )?,
         yaw_sigma_rad: sigma_deg.to_radians(),
-    })
-}
-
-fn camera_model(index: usize, c: &CameraSection) -> Result<CameraModel, ConfigError> {
-    let key = |name: &str| format!("cameras[{index}].{name}");
-    let [width_px, height_px] = c.size_px;
-    for size in c.size_px {
-        within(&key("size_px"), f64::from(size), (16.0, 20_000.0), "px")?;
-    }
-    for focal in c.focal_px {
-        within(&key("focal_px"), focal, (10.0, 100_000.0), "px")?;
-    }
-    for principal in c.principal_px {
-        within(&key("principal_px"), principal, (0.0, 20_000.0), "px")?;
-    }
-    for coefficient in c.distortion {
-        within(&key("distortion"), coefficient, (-10.0, 10.0), "")?;
-    }
-    let [k1, k2, p1, p2] = c.distortion;
-    let forward: Transform<Body, Body> = mount(&key("mount"), &c.mount)?;
-    // z_c = forward, x_c = right = −left, y_c = down = −up.
-    let looking_forward = Rotation::<Body, Camera>::from_euler_rad(-FRAC_PI_2, 0.0, -FRAC_PI_2);
-    Ok(CameraModel {
-        width_px,
-        height_px,
-        fx_px: c.focal_px[0],
-        fy_px: c.focal_px[1],
-        cx_px: c.principal_px[0],
-        cy_px: c.principal_px[1],
-        lens: Lens::radial_tangential([k1, k2], [p1, p2]),
-        readout: Duration::ZERO,
-        body_from_camera: Transform::new(forward.rotation * looking_forward, forward.origin),
     })
 }

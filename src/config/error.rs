@@ -48,7 +48,7 @@ pub enum ConfigError {
         message: String,
     },
     /// The marker map is wrong.
-    #[error("tags: {0}")]
+    #[error("markers: {0}")]
     Markers(#[from] MarkerMapError),
     /// The effective configuration cannot be written as TOML.
     #[error("cannot print the configuration: {0}")]

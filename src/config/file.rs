@@ -1,6 +1,8 @@
 //! The twin of the configuration file.
 
 use super::bays::{BaseSection, BaySection, ExclusionSection, default_base_sigma_m};
+use super::cameras::CameraSection;
+use super::markers::{MarkersSection, PointSection, TagSection};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -36,8 +38,15 @@ pub struct Config {
     pub detections: String,
     /// The cameras, numbered from 0.
     pub cameras: Vec<CameraSection>,
+    /// Files with tags and points; empty in the effective configuration.
+    #[serde(default)]
+    pub markers: MarkersSection,
     /// Where the tags hang.
+    #[serde(default)]
     pub tags: Vec<TagSection>,
+    /// Where other points lie that the detector knows.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub points: Vec<PointSection>,
     /// What is measured for itself; if empty, the whole region is one bay.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub bays: Vec<BaySection>,
@@ -487,35 +496,4 @@ impl Default for LogSection {
     fn default() -> Self {
         Self { directory: PathBuf::from("logs") }
     }
-}
-
-/// One camera.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct CameraSection {
-    /// Width and height, px.
-    pub size_px: [u32; 2],
-    /// Focal lengths along u and v, px.
-    pub focal_px: [f64; 2],
-    /// Principal point, px.
-    pub principal_px: [f64; 2],
-    /// k1, k2, p1, p2 in the order of `OpenCV`.
-    #[serde(default)]
-    pub distortion: [f64; 4],
-    /// Where it is bolted; at 0, 0, 0 degrees it looks forward with an upright image, and
-    /// positive pitch looks down.
-    pub mount: MountSection,
-}
-
-/// One tag.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct TagSection {
-    /// `36h11`, `25h9` or `16h5`.
-    pub family: String,
-    /// The number inside the family.
-    pub id: u32,
-    /// Lower left, lower right, upper right, upper left corner of the upright tag seen from its
-    /// front, in the hall, m.
-    pub corners_m: [[f64; 3]; 4],
 }

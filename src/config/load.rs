@@ -2,6 +2,7 @@
 
 use super::error::ConfigError;
 use super::file::Config;
+use super::markers::MarkersSection;
 use std::path::Path;
 
 /// Prefix of the environment variables that override the file.
@@ -20,11 +21,12 @@ impl Config {
     }
 }
 
-/// Reads a file and lays the environment and `section.key=value` overrides over it, then reads the
-/// files that it names.
+/// Reads a file, lays the environment and `section.key=value` overrides over it, and takes in what
+/// stands in the files that it names (relative to its own folder).
 ///
 /// # Errors
-/// An unreadable file, anything [`Config::from_toml`] refuses, an override of an unknown key.
+/// An unreadable file, anything [`Config::from_toml`] refuses, an override of an unknown key, a
+/// calibration, marker map or field layout with a fault.
 pub fn load(path: &Path, overrides: &[String]) -> Result<Config, ConfigError> {
     let text = std::fs::read_to_string(path)
         .map_err(|source| ConfigError::Unreadable { path: path.to_owned(), source })?;
@@ -32,8 +34,25 @@ pub fn load(path: &Path, overrides: &[String]) -> Result<Config, ConfigError> {
     // judged strictly first.
     Config::from_toml(&text, path)?;
     let mut config = layered(&text, config::Environment::default(), overrides)?;
-    config.read_files(path.parent().unwrap_or(Path::new("")))?;
-    Ok(config)
+    let directory = path.parent().unwrap_or(Path::new(""));
+    config.read_files(directory)?;
+    config.with_files_read(directory)
+}
+
+impl Config {
+    /// The same configuration with the contents of the calibrations and marker files that it names
+    /// in place of their names, so that it stands for itself in the log.
+    fn with_files_read(mut self, directory: &Path) -> Result<Self, ConfigError> {
+        let cameras = self.cameras.into_iter().enumerate();
+        let cameras = cameras.map(|(k, camera)| camera.with_file_read(k, directory));
+        self.cameras = cameras.collect::<Result<_, _>>()?;
+        let (file, layout) =
+            (self.markers.read_file(directory)?, self.markers.read_layout(directory)?);
+        self.tags.extend(file.tags.into_iter().chain(layout));
+        self.points.extend(file.points);
+        self.markers = MarkersSection::default();
+        Ok(self)
+    }
 }
 
 fn layered(

@@ -132,7 +132,7 @@ impl CameraModel {
     ///
     /// A frame is stamped in the middle of the exposure of its middle row, so rows above it are
     /// earlier (negative) and rows below it later: the first row's centre, v = 0.5, is
-    /// t_readout/2 early. Zero for a global shutter.
+    /// half the readout time early. Zero for a global shutter.
     #[must_use]
     pub fn row_offset_s(&self, v_px: f64) -> f64 {
         let n_rows = f64::from(self.height_px);

@@ -62,7 +62,7 @@ fn plane_of(places: &[Vector3<f64>]) -> Option<Isometry3<f64>> {
 
 /// Both poses of a plane from the homography to its image.
 ///
-/// In a camera that is turned towards the plane's origin (t = t_z e_z), the homography's
+/// In a camera that is turned towards the plane's origin (at distance `t_z`), the homography's
 /// derivative there is the upper left of the rotation:
 ///
 /// ```text

@@ -21,7 +21,7 @@ pub(super) enum Loss {
     Square,
     /// Its length beyond a threshold (Huber 1964): convex, finds the pose from afar.
     Huber,
-    /// Bounded (Geman and McClure 1987): outliers lose their pull.
+    /// Bounded (Geman and `McClure` 1987): outliers lose their pull.
     Redescending,
 }
 

@@ -11,10 +11,10 @@ use nalgebra::{Matrix6, Matrix6x3};
 
 /// The derivative of the least-squares pose by the place of each tag that it was found from.
 ///
-/// The minimum keeps Jᵀ (P̄ − P_im(χ, P)) = 0. Moved tags move the predicted pixels, and the pose
-/// gives way:
+/// Moved tags move the predicted pixels, and the pose gives way:
 ///
 /// ```text
+/// Jᵀ (P̄ − P_im(χ̂, P)) = 0 at the minimum, so
 /// ∂χ̂/∂P_tag = −(JᵀJ)⁻¹ Σ_k J_kᵀ ∂P_im,k/∂P                 6×3
 /// ```
 /// - `k`: the corners of the tag; `J`: over the corners of all used tags

