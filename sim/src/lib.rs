@@ -6,7 +6,9 @@
 
 pub mod autopilot;
 pub mod camera;
+pub mod camera_faults;
 pub mod campaign;
+pub mod consistency;
 pub mod fly;
 pub mod hall;
 pub mod judge;

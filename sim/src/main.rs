@@ -8,6 +8,7 @@ use stockpilot::messages::Verdict;
 use stockpilot::pilot::Action;
 use stockpilot::time::{Mono, Stamp};
 use stockpilot_sim::campaign::{self, Witnessed};
+use stockpilot_sim::consistency::{self, ConsistencyArgs};
 use stockpilot_sim::fly::{self, FlyOptions};
 use stockpilot_sim::report::{CampaignReport, RunReport};
 use stockpilot_sim::scenario::ScenarioArgs;
@@ -26,6 +27,8 @@ enum Command {
     Fly(FlyArgs),
     /// Many flights without bytes and threads in between, as fast as the machine allows.
     Campaign(CampaignArgs),
+    /// Many flights; NEES and NIS of the localisation beside their χ² bands.
+    Consistency(ConsistencyArgs),
 }
 
 #[derive(Debug, Args)]
@@ -33,7 +36,7 @@ struct CampaignArgs {
     #[command(flatten)]
     scenario: ScenarioArgs,
     /// Seeds, first to last plus one.
-    #[arg(long, default_value = "0..20", value_parser = seeds)]
+    #[arg(long, default_value = "0..20", value_parser = stockpilot_sim::scenario::seeds)]
     seeds: Range<u64>,
     /// Print one JSON object instead of a table.
     #[arg(long)]
@@ -61,20 +64,13 @@ struct FlyArgs {
     json: bool,
 }
 
-fn seeds(text: &str) -> Result<Range<u64>, String> {
-    let wrong = || format!("{text:?} is not of the form 0..20");
-    let (first, end) = text.split_once("..").ok_or_else(wrong)?;
-    let number = |part: &str| part.parse::<u64>().map_err(|_| wrong());
-    let range = number(first)?..number(end)?;
-    if range.is_empty() { Err(wrong()) } else { Ok(range) }
-}
-
 fn main() -> anyhow::Result<ExitCode> {
     let filter = tracing_subscriber::EnvFilter::try_from_default_env()
         .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("warn"));
     tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).init();
     match Cli::parse().command {
         Some(Command::Campaign(args)) => run_campaign(&args),
+        Some(Command::Consistency(args)) => consistency::run(&args).map(|()| ExitCode::SUCCESS),
         Some(Command::Fly(args)) => run_fly(&args),
         None => run_fly(&FlyArgs::parse_from(["fly"])),
     }

@@ -5,6 +5,7 @@ use crate::lidar::LidarModel;
 use crate::world::{GridScale, World, WorldError};
 use anyhow::Context;
 use clap::{Args, ValueEnum};
+use std::ops::Range;
 use std::path::Path;
 use stockpilot::config::{PlannerName, SurfaceName};
 
@@ -168,4 +169,16 @@ impl ScenarioArgs {
             }
         }
     }
+}
+
+/// Seeds as they stand on the command line: `0..20`.
+///
+/// # Errors
+/// Anything else, and an empty range.
+pub fn seeds(text: &str) -> Result<Range<u64>, String> {
+    let wrong = || format!("{text:?} is not of the form 0..20");
+    let (first, end) = text.split_once("..").ok_or_else(wrong)?;
+    let number = |part: &str| part.parse::<u64>().map_err(|_| wrong());
+    let range = number(first)?..number(end)?;
+    if range.is_empty() { Err(wrong()) } else { Ok(range) }
 }
