@@ -1,0 +1,151 @@
+//! A survey during which the detector goes wrong for a while.
+
+use nalgebra::Vector3;
+use std::time::Duration;
+use stockpilot::messages::{FixRecord, Verdict};
+use stockpilot::mission::Phase;
+use stockpilot::pilot::Action;
+use stockpilot::time::{Mono, Stamp};
+use stockpilot_sim::camera::CameraModel;
+use stockpilot_sim::camera_faults::CameraFault;
+use stockpilot_sim::campaign::{DirectFlight, Witnessed};
+use stockpilot_sim::consistency::{Update, look, with_update};
+use stockpilot_sim::hall::{Devices, config};
+use stockpilot_sim::scenario::{Lidar, Planner, Scenario, Surface};
+use stockpilot_sim::world::World;
+
+/// √χ² of 99.7 % for three degrees of freedom (13.93): what 3σ is for one.
+/// Source: Abramowitz and Stegun 1964, 26.4.5, F(χ²|3) = 0.997.
+pub(crate) const THREE_SIGMA: f64 = 3.732;
+
+/// A survey over heaps that goes on for a minute at least.
+pub(crate) fn survey(seed: u64) -> Scenario {
+    Scenario {
+        world: World::piles(seed).expect("a generated world"),
+        planner: Planner::SquareWave,
+        surface: Surface::KalmanGrid,
+        lidar: Lidar::Ld19,
+        camera: CameraModel::ahead(),
+        n_steps: 50,
+        seed,
+    }
+}
+
+/// What a flight with a fault showed, from the fault's beginning until some seconds after its end.
+#[derive(Debug, Default)]
+pub(crate) struct Seen {
+    /// Position errors in σ of the estimate itself, with the time since the fault began, s.
+    pub(crate) errors: Vec<(f64, f64)>,
+    /// Lengths of the position errors, m.
+    pub(crate) errors_m: Vec<f64>,
+    /// Errors of the velocity, m/s.
+    pub(crate) velocity_errors_mps: Vec<f64>,
+    /// Records of the frames exposed while the fault lasted, and how far their fixes were turned
+    /// from the truth, rad.
+    pub(crate) records: Vec<(FixRecord, Option<f64>)>,
+    /// What was said while the fault lasted and until the end.
+    pub(crate) texts: Vec<String>,
+    /// The marker that the fault was about.
+    pub(crate) faulty_tag: Option<u32>,
+    /// How often the pose was declared to have jumped.
+    pub(crate) n_resets: u8,
+}
+
+impl Seen {
+    /// The largest position error in σ, and when.
+    pub(crate) fn worst(&self) -> (f64, f64) {
+        let worst = self.errors.iter().max_by(|a, b| a.1.total_cmp(&b.1));
+        worst.map(|(at_s, sigmas)| (*sigmas, *at_s)).expect("looks at the estimate")
+    }
+
+    /// Share of the records that tell of something wrong: not fused, or fused without some tag.
+    pub(crate) fn told_ratio(&self) -> f64 {
+        let is_told = |record: &FixRecord| {
+            record.verdict != Verdict::Fused || record.n_tags_used < record.n_tags
+        };
+        let n_told = self.records.iter().filter(|(record, _)| is_told(record)).count();
+        ratio(n_told, self.records.len())
+    }
+
+    /// True if the people were told of this marker.
+    pub(crate) fn names_the_tag(&self) -> bool {
+        let Some(id) = self.faulty_tag else { return false };
+        let is_word =
+            |word: &str| word.trim_matches(|c: char| !c.is_ascii_digit()) == id.to_string();
+        self.texts.iter().any(|text| text.split_whitespace().any(is_word))
+    }
+}
+
+#[expect(clippy::cast_precision_loss, reason = "few frames")]
+pub(crate) fn ratio(n: usize, of: usize) -> f64 {
+    assert!(of > 0, "nothing to look at");
+    n as f64 / of as f64
+}
+
+/// Time watched after the fault's end, s.
+const AFTERWARDS_S: f64 = 4.0;
+
+/// Flies with `fault` for `fault_s`, beginning three seconds after the survey.
+pub(crate) fn flown(seed: u64, update: Update, fault: Option<CameraFault>, fault_s: f64) -> Seen {
+    let scenario = survey(seed);
+    let mut config = config(&scenario, Devices::none());
+    config.filter = with_update(&config.filter, update).expect("a filter with this update");
+    let mut flight = DirectFlight::with_config(&scenario, &config).expect("a configuration");
+    let mut seen = Seen::default();
+    let started = Stamp::ZERO.plus(Duration::from_secs(60));
+    while flight.phase() != Phase::Survey && flight.rig.now() < started {
+        flight.step(&mut |_, _| {});
+    }
+    assert_eq!(flight.phase(), Phase::Survey, "{:?}", flight.texts());
+    let begin = flight.rig.now().plus(Duration::from_secs(3));
+    while flight.rig.now() < begin {
+        flight.step(&mut |_, _| {});
+    }
+    let resets_before = flight.estimate().map_or(0, |estimate| estimate.reset_counter);
+    let n_texts_before = flight.texts().len();
+    flight.faults.camera = fault;
+    let end = begin.plus(Duration::from_secs_f64(fault_s));
+    while flight.rig.now() < end.plus(Duration::from_secs_f64(AFTERWARDS_S)) {
+        if flight.rig.now() >= end {
+            flight.faults.camera = None;
+        }
+        let mut records = Vec::new();
+        flight.step(&mut |_, witnessed| {
+            if let Witnessed::Action(Action::FixTreated(record)) = witnessed {
+                records.push(FixRecord::clone(record));
+            }
+        });
+        seen.look(&flight, begin);
+        let is_faulty = |record: &FixRecord| record.at >= begin && record.at < end;
+        for record in records.into_iter().filter(is_faulty) {
+            let turned = turned_rad(&flight, &record);
+            seen.records.push((record, turned));
+        }
+        seen.faulty_tag = seen.faulty_tag.or(flight.faulty_tag());
+    }
+    seen.texts = flight.texts()[n_texts_before..].to_vec();
+    let resets = flight.estimate().map_or(0, |estimate| estimate.reset_counter);
+    seen.n_resets = resets.wrapping_sub(resets_before);
+    seen
+}
+
+/// The angle between a record's fix and the true attitude at its time, rad.
+fn turned_rad(flight: &DirectFlight, record: &FixRecord) -> Option<f64> {
+    let truth = flight.rig.vehicle().pose_at(record.at)?;
+    let fix = record.fix.as_ref()?;
+    Some(fix.hall_from_body.rotation.minus(&truth.rotation).norm())
+}
+
+impl Seen {
+    fn look(&mut self, flight: &DirectFlight, begin: Stamp<Mono>) {
+        let Some(estimate) = flight.estimate() else { return };
+        let Some(truth) = flight.rig.vehicle().motion_at(estimate.at) else { return };
+        let seen = look(&estimate, &truth);
+        let sigmas = seen.nees[0].sqrt();
+        assert!(sigmas.is_finite(), "no covariance: {estimate:?}");
+        self.errors.push((flight.rig.now().seconds_since(begin), sigmas));
+        self.errors_m.push(seen.position_error_m);
+        let velocity: Vector3<f64> = truth.velocity_mps - estimate.velocity_mps.coords;
+        self.velocity_errors_mps.push(velocity.norm());
+    }
+}
