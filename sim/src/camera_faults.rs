@@ -3,6 +3,7 @@
 //! Each fault works on the frames as they arrive and leaves their stamps alone. Only the moved
 //! marker is a fault of the hall: it hangs elsewhere while the fault lasts, and back afterwards.
 
+use crate::camera::CameraModel;
 use crate::rig::Rig;
 use clap::ValueEnum;
 use nalgebra::Vector3;
@@ -134,12 +135,8 @@ impl CameraFaultLayer {
         tags: &'a mut [TagDetection],
         rig: &Rig,
     ) -> Option<&'a mut TagDetection> {
-        let lens = &rig.camera().lens;
-        let middle = [0.5 * f64::from(lens.width_px), 0.5 * f64::from(lens.height_px)];
-        let off_middle = |tag: &TagDetection| {
-            let at = |k: usize| tag.corners_px.iter().map(|corner| corner[k]).sum::<f64>() / 4.0;
-            (at(0) - middle[0]).hypot(at(1) - middle[1])
-        };
+        let camera = rig.camera();
+        let off_middle = |tag: &TagDetection| off_middle_px(tag, camera);
         let central = tags.iter().min_by(|a, b| off_middle(a).total_cmp(&off_middle(b)));
         let central = central.map(|tag| tag.id);
         let is_in_view = |id: &u32| tags.iter().any(|tag| tag.id == *id);
@@ -180,22 +177,49 @@ impl CameraFaultLayer {
     }
 }
 
+/// The frame with `n_max` markers at most, the largest in the picture.
+#[must_use]
+pub fn keep_largest(mut frame: TagDetections, n_max: Option<usize>) -> TagDetections {
+    if let Some(n_max) = n_max {
+        frame.tags.sort_by(|a, b| outline_px(b).total_cmp(&outline_px(a)));
+        frame.tags.truncate(n_max);
+    }
+    frame
+}
+
+/// Length of side `k` of a marker, px.
+fn side_px(tag: &TagDetection, k: usize) -> f64 {
+    let (a, b) = (tag.corners_px[k], tag.corners_px[(k + 1) % 4]);
+    (a[0] - b[0]).hypot(a[1] - b[1])
+}
+
+fn outline_px(tag: &TagDetection) -> f64 {
+    (0..4).map(|k| side_px(tag, k)).sum()
+}
+
+/// From the middle of the picture to that of the marker, px.
+fn off_middle_px(tag: &TagDetection, camera: &CameraModel) -> f64 {
+    let size_px = [camera.lens.width_px, camera.lens.height_px].map(f64::from);
+    let off = |k: usize| {
+        tag.corners_px.iter().map(|corner| corner[k]).sum::<f64>() / 4.0 - 0.5 * size_px[k]
+    };
+    off(0).hypot(off(1))
+}
+
 /// Opposite sides of a marker that is seen frontally differ by less than this share.
 const FRONTAL_RATIO: f64 = 1.08;
 
 fn keep_smallest_frontal(tags: &mut Vec<TagDetection>) {
-    let side_px = |tag: &TagDetection, k: usize| {
-        let (a, b) = (tag.corners_px[k], tag.corners_px[(k + 1) % 4]);
-        (a[0] - b[0]).hypot(a[1] - b[1])
-    };
     let is_frontal = |tag: &&TagDetection| {
         (0..2).all(|k| {
             let (a, b) = (side_px(tag, k), side_px(tag, k + 2));
             a.max(b) < FRONTAL_RATIO * a.min(b)
         })
     };
-    let size_px = |tag: &TagDetection| (0..4).map(|k| side_px(tag, k)).sum::<f64>();
-    let smallest =
-        tags.iter().filter(is_frontal).min_by(|a, b| size_px(a).total_cmp(&size_px(b))).copied();
+    let smallest = tags
+        .iter()
+        .filter(is_frontal)
+        .min_by(|a, b| outline_px(a).total_cmp(&outline_px(b)))
+        .copied();
     *tags = Vec::from_iter(smallest);
 }

@@ -3,7 +3,7 @@
 //! The MAVLink session stays in between, message by message, so that frames, commands and clocks
 //! are those of the real service; only bytes, sockets and threads are left out.
 
-use crate::camera_faults::{CameraFault, CameraFaultLayer};
+use crate::camera_faults::{CameraFault, CameraFaultLayer, keep_largest};
 use crate::hall::{Devices, config};
 use crate::judge::PoseJudge;
 use crate::lidar::TurnAssembler;
@@ -62,6 +62,8 @@ pub struct SensorFaults {
     pub is_lidar_silent: bool,
     /// What the detector gets wrong.
     pub camera: Option<CameraFault>,
+    /// No more markers than this, the largest in the picture.
+    pub n_tags_max: Option<usize>,
 }
 
 /// Brain and rig, connected directly.
@@ -231,6 +233,7 @@ impl DirectFlight {
     /// What the sensors give, as events.
     fn sense(&mut self, output: RigOutput, events: &mut Vec<Event>) {
         for frame in output.frames {
+            let frame = keep_largest(frame, self.faults.n_tags_max);
             let mut frame = self.camera_faults.apply(self.faults.camera, frame, &mut self.rig);
             if self.faults.is_camera_covered {
                 frame.tags.clear();

@@ -1,9 +1,10 @@
-//! Each fault of a detector in flight: the estimate stays inside its own 3σ, and it is told.
+//! Each fault of a detector in flight: it moves the estimate by no more than 3σ, and it is told.
 //!
-//! The same flight without the fault is the premise: its estimate stays inside 3σ too, so what a
-//! fault adds is the fault's.
+//! What a fault does is seen beside the same flight without it: all noise is the same in both. The
+//! error itself stays inside a bound that the largest of many looks at an honest filter keeps too;
+//! one in 300 of its looks lies outside of 3σ without any fault.
 
-use crate::support::{Seen, THREE_SIGMA, flown, ratio};
+use crate::support::{Seen, THREE_SIGMA, THREE_SIGMA_OF_MANY, flown, ratio};
 use stockpilot::messages::Verdict;
 use stockpilot_sim::camera_faults::CameraFault;
 use stockpilot_sim::consistency::Update;
@@ -11,23 +12,40 @@ use stockpilot_sim::consistency::Update;
 /// How long each fault lasts, s.
 const FAULT_S: f64 = 6.0;
 
-fn assert_within_3_sigma(seen: &Seen, what: &str) {
-    let (worst, at_s) = seen.worst();
+fn assert_keeps_to_its_claim(seen: &Seen, what: &str) {
+    let (worst, at_s) = seen.worst_error();
     assert!(
-        worst <= THREE_SIGMA,
-        "{what}: {worst:.1} σ after {at_s:.1} s, {:.3} m at most, {} resets, said {:?}",
-        seen.errors_m.iter().copied().fold(0.0, f64::max),
+        worst <= THREE_SIGMA_OF_MANY,
+        "{what}: off by {worst:.1} σ after {at_s:.1} s, {:.3} m at most, {} resets, said {:?}",
+        seen.worst_error_m(),
         seen.n_resets,
         seen.texts,
     );
 }
 
 /// Flies one fault with one update, and checks that the estimate keeps to its claim.
+///
+/// A fault of one marker leaves the others, so the same flight without it is hardly another one:
+/// 3σ holds for the largest move too. A fault that takes most of what was seen leaves a
+/// difference as large as the error itself, and the largest of many looks counts.
 fn flown_and_within(update: Update, fault: CameraFault, seconds: f64, seed: u64) -> Seen {
     let seen = flown(seed, update, Some(fault), seconds);
+    let without = flown(seed, update, None, seconds);
     assert!(seen.records.len() > 50, "only {} frames", seen.records.len());
     let what = format!("seed {seed}, {}, {}", update.name(), fault.name());
-    assert_within_3_sigma(&seen, &what);
+    let (moved, at_s) = seen.worst_move(&without);
+    let leaves_the_others =
+        matches!(fault, CameraFault::WrongId | CameraFault::SwappedCorners | CameraFault::MovedTag);
+    let most = if leaves_the_others { THREE_SIGMA } else { THREE_SIGMA_OF_MANY };
+    println!("{what}: moved by {moved:.2} σ, off by {:.2} σ", seen.worst_error().0);
+    assert!(
+        moved <= most,
+        "{what}: moved by {moved:.1} σ after {at_s:.1} s, off by {:.3} m, {} resets, said {:?}",
+        seen.worst_error_m(),
+        seen.n_resets,
+        seen.texts,
+    );
+    assert_keeps_to_its_claim(&seen, &what);
     // Nothing was wrong with the world: no jump was needed.
     assert_eq!(seen.n_resets, 0, "{what}: the estimate jumped");
     seen
@@ -47,7 +65,7 @@ fn assert_told(seen: &Seen, least_ratio: f64) {
 fn flights_without_a_fault_stay_inside(update: Update) {
     for seed in [31, 32, 33] {
         let seen = flown(seed, update, None, FAULT_S);
-        assert_within_3_sigma(&seen, &format!("seed {seed}, {}", update.name()));
+        assert_keeps_to_its_claim(&seen, &format!("seed {seed}, {}", update.name()));
         // Otherwise a told fault below would say nothing: misses and single outliers are few.
         assert!(seen.told_ratio() < 0.15, "{} are told without a fault", seen.told_ratio());
     }
@@ -179,7 +197,7 @@ mod tight {
     fn one_tag_for_ten_seconds_does_not_diverge() {
         for seed in [31, 32] {
             let seen = flown_and_within(Update::Tight, CameraFault::OneTag, 10.0, seed);
-            let worst_m = seen.errors_m.iter().copied().fold(0.0, f64::max);
+            let worst_m = seen.worst_error_m();
             // Inertial dead reckoning alone, with 0.01 m/s² of left-over bias, is 0.5 m off then.
             assert!(worst_m < 0.25, "seed {seed}: {worst_m} m");
             let worst_mps = seen.velocity_errors_mps.iter().copied().fold(0.0, f64::max);
