@@ -20,7 +20,7 @@
 //!   that of a single instant.
 //!
 //! Sources: Bar-Shalom, Li, Kirubarajan 2001, section 5.4 (NEES, NIS and their bands over runs);
-//! the share D is the usual design effect of cluster samples, Kish 1965, section 5.4.
+//! the share D is the usual design effect of cluster samples (Kish 1965).
 //! Checked: `band_holds_in_95_of_100_trials_of_correlated_looks`.
 
 mod band;

@@ -7,6 +7,7 @@ use std::process::ExitCode;
 use stockpilot::messages::Verdict;
 use stockpilot::pilot::Action;
 use stockpilot::time::{Mono, Stamp};
+use stockpilot_sim::camera::CameraArgs;
 use stockpilot_sim::campaign::{self, Witnessed};
 use stockpilot_sim::consistency::{self, ConsistencyArgs};
 use stockpilot_sim::fly::{self, FlyOptions};
@@ -35,6 +36,8 @@ enum Command {
 struct CampaignArgs {
     #[command(flatten)]
     scenario: ScenarioArgs,
+    #[command(flatten)]
+    camera: CameraArgs,
     /// Seeds, first to last plus one.
     #[arg(long, default_value = "0..20", value_parser = stockpilot_sim::scenario::seeds)]
     seeds: Range<u64>,
@@ -50,6 +53,8 @@ struct CampaignArgs {
 struct FlyArgs {
     #[command(flatten)]
     scenario: ScenarioArgs,
+    #[command(flatten)]
+    camera: CameraArgs,
     /// Seed of everything that is drawn.
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -79,7 +84,8 @@ fn main() -> anyhow::Result<ExitCode> {
 #[expect(clippy::print_stdout, reason = "the program's output")]
 fn run_fly(args: &FlyArgs) -> anyhow::Result<ExitCode> {
     anyhow::ensure!(args.speed > 0.0 && args.speed <= 100.0, "--speed is 0 to 100");
-    let scenario = args.scenario.scenario(args.seed)?;
+    let mut scenario = args.scenario.scenario(args.seed)?;
+    args.camera.apply(&mut scenario.camera);
     let options =
         FlyOptions { speed: args.speed, directory: args.log.clone(), shows_progress: true };
     let run = fly::run(&scenario, &options)?;
@@ -138,7 +144,9 @@ fn trace(at: Stamp<Mono>, action: &Action) {
 fn run_campaign(args: &CampaignArgs) -> anyhow::Result<ExitCode> {
     let mut runs = Vec::new();
     for seed in args.seeds.clone() {
-        let run = campaign::run(&args.scenario.scenario(seed)?, |at, seen| {
+        let mut scenario = args.scenario.scenario(seed)?;
+        args.camera.apply(&mut scenario.camera);
+        let run = campaign::run(&scenario, |at, seen| {
             if let (true, Witnessed::Action(action)) = (args.trace, seen) {
                 trace(at, action);
             }

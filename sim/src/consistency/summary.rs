@@ -156,8 +156,8 @@ fn mean_and_worth(flights: &[Vec<f64>]) -> (f64, f64) {
 /// ```text
 /// E[χ²_n | χ²_n ≤ g] = n F_{n+2}(g)/F_n(g)
 /// ```
-/// For 6 degrees of freedom F_8(16.81) = 0.968; more degrees lose less. The normal approximation
-/// of Wilson and Hilferty gives F.
+/// For 6 degrees of freedom it is 0.978; more degrees lose less. The normal approximation of Wilson
+/// and Hilferty gives F.
 fn expected_below_gate(dof: f64) -> f64 {
     const Z_99: f64 = 2.326_347_874;
     let c = 2.0 / (9.0 * dof);

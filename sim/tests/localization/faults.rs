@@ -37,7 +37,6 @@ fn flown_and_within(update: Update, fault: CameraFault, seconds: f64, seed: u64)
     let leaves_the_others =
         matches!(fault, CameraFault::WrongId | CameraFault::SwappedCorners | CameraFault::MovedTag);
     let most = if leaves_the_others { THREE_SIGMA } else { THREE_SIGMA_OF_MANY };
-    println!("{what}: moved by {moved:.2} σ, off by {:.2} σ", seen.worst_error().0);
     assert!(
         moved <= most,
         "{what}: moved by {moved:.1} σ after {at_s:.1} s, off by {:.3} m, {} resets, said {:?}",
