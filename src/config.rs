@@ -12,8 +12,9 @@ mod load;
 
 pub use error::ConfigError;
 pub use file::{
-    CameraSection, Config, FilterSection, HallSection, LidarSection, LinkSection, LogSection,
-    MissionSection, MountSection, PlannerName, PlanningSection, RectSection, SmoothnessName,
-    SurfaceName, SurfaceSection, TagSection, VarianceUpdateName, VolumeVarianceName,
+    CameraSection, Config, FieldSection, FilterSection, HallSection, LidarSection, LinkSection,
+    LogSection, MissionSection, MountSection, PlannerName, PlanningSection, RectSection,
+    SmoothnessName, SurfaceName, SurfaceSection, TagSection, UncertaintySection,
+    VarianceUpdateName, VolumeVarianceName,
 };
 pub use load::load;

@@ -1,5 +1,6 @@
 //! Plain data that modules exchange. No behaviour beyond constructors and checks of finiteness.
 
+mod budget;
 mod camera;
 mod imu;
 mod map;
@@ -9,9 +10,10 @@ mod scan;
 mod setpoint;
 mod vehicle;
 
+pub use budget::{BudgetRow, BudgetSource, SharedSensitivity, VolumeBudget};
 pub use camera::{CameraId, TagDetection, TagDetections, TagFamily};
 pub use imu::ImuSample;
-pub use map::{GridGeometry, HeightMap, HitCounts, VolumeEstimate};
+pub use map::{GridGeometry, HeightMap, HitCounts, VolumeAccount, VolumeEstimate, VolumeShares};
 pub use nav::{FixOutcome, FixRecord, NavEstimate, PoseError, TagSensitivity, Verdict, state};
 pub use operator::{
     OperatorAnswer, OperatorCommand, OperatorRequest, OperatorVerb, Severity, StatusText,

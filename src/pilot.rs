@@ -19,10 +19,10 @@ pub use event::{Action, Event, FlightSummary, JobId, PhaseChange, VolumeReport};
 pub use job::{Job, JobOutput};
 
 use crate::localization::{self, Health, Localizer};
-use crate::mapping::{self, Mapper, SolvedSurface};
+use crate::mapping::{self, Mapper, SolveError, SolvedSurface};
 use crate::messages::{
     BatterySample, NavEstimate, OperatorAnswer, OperatorCommand, Scan, Severity, StatusText,
-    VehicleState, VolumeEstimate,
+    VehicleState, VolumeAccount,
 };
 use crate::mission::{self, Effect, Inputs, Mission, Phase};
 use crate::planning;
@@ -81,7 +81,8 @@ pub struct Pilot {
     /// Scans whose end the filter has not reached yet.
     waiting_scans: VecDeque<Scan>,
     jobs: Jobs,
-    volume: Option<VolumeEstimate>,
+    /// The newest volumes: of the whole region, then of its bays.
+    accounts: Vec<VolumeAccount>,
     last_report_at: Stamp<Mono>,
     /// Where the flight began; the return leads here.
     home: Option<Waypoint>,
@@ -141,7 +142,7 @@ impl Pilot {
             last_beam_at: None,
             waiting_scans: VecDeque::new(),
             jobs: Jobs::default(),
-            volume: None,
+            accounts: Vec::new(),
             last_report_at: Stamp::ZERO,
             home: None,
             flown: FlownPath::default(),
@@ -312,7 +313,7 @@ impl Pilot {
             Phase::Preflight => {
                 // The next flight measures anew: the material may have moved.
                 self.mapper.restart();
-                self.volume = None;
+                self.accounts.clear();
                 self.jobs.choice = None;
                 self.route.restart();
                 self.flown = FlownPath::default();
@@ -395,7 +396,12 @@ impl Pilot {
                 // Beams from the pad would count the same few cells for minutes.
                 self.mapper.count_on_ground(&scan);
             } else {
-                self.mapper.insert(&scan, |at| self.localizer.pose_at(at));
+                let localizer = &self.localizer;
+                self.mapper.insert(
+                    &scan,
+                    |at| localizer.pose_at(at),
+                    |at, previous| localizer.pose_error_at(at, previous),
+                );
             }
         }
     }
@@ -468,14 +474,12 @@ impl Pilot {
         }
     }
 
-    fn on_solved(
-        &mut self,
-        solved: Result<SolvedSurface, mapping::sparse_gp::GpError>,
-        actions: &mut Vec<Action>,
-    ) {
+    fn on_solved(&mut self, solved: Result<SolvedSurface, SolveError>, actions: &mut Vec<Action>) {
         match solved {
             Ok(solved) => {
-                self.volume = Some(solved.volume);
+                self.mapper.absorb(&solved);
+                self.accounts.clone_from(&solved.accounts);
+                actions.push(Action::VolumesAccounted(solved.accounts));
                 actions.push(Action::SurfaceSolved(Box::new(solved.surface)));
             }
             Err(error) => say(actions, Severity::Error, format!("no surface: {error}")),
@@ -489,11 +493,14 @@ impl Pilot {
             return;
         }
         if let Some(ending) = self.ending.take() {
-            let volume = *self.volume.get_or_insert_with(|| self.mapper.cell_volume(self.now));
+            if self.accounts.is_empty() {
+                self.accounts = self.mapper.cell_volumes(self.now);
+            }
             self.report(true, actions);
             actions.push(Action::Ended(Box::new(FlightSummary {
                 at: self.now,
-                volume,
+                volume: self.accounts[0].estimate,
+                accounts: self.accounts.clone(),
                 hits: self.mapper.counts(),
                 steps_done: ending.steps_done,
                 path_length_m: ending.path_length_m,
@@ -503,7 +510,7 @@ impl Pilot {
     }
 
     fn report(&self, is_final: bool, actions: &mut Vec<Action>) {
-        let Some(estimate) = self.volume else { return };
+        let Some(estimate) = self.accounts.first().map(|account| account.estimate) else { return };
         actions.push(Action::ReportVolume(VolumeReport {
             estimate,
             hits: self.mapper.counts(),

@@ -115,6 +115,7 @@ pub fn run(
         // Nothing lies between sensor and brain here that could lose one.
         beams_dropped: 0,
         wall_time: began.elapsed(),
+        load: None,
     };
     Ok(RunReport::new(scenario, &flight.rig, &measured, None))
 }
@@ -140,12 +141,7 @@ impl DirectFlight {
     /// A configuration that does not fit.
     pub fn with_config(scenario: &Scenario, config: &Config) -> Result<Self, ConfigError> {
         Ok(Self {
-            rig: Rig::new(
-                scenario.world.clone(),
-                scenario.lidar.model(),
-                scenario.camera.clone(),
-                scenario.seed,
-            ),
+            rig: scenario.rig(),
             faults: SensorFaults::default(),
             camera_faults: CameraFaultLayer::new(scenario.seed),
             operator: Operator::default(),
@@ -186,8 +182,8 @@ impl DirectFlight {
 
     /// What the flight came to, once it has ended.
     #[must_use]
-    pub const fn summary(&self) -> Option<FlightSummary> {
-        self.summary
+    pub const fn summary(&self) -> Option<&FlightSummary> {
+        self.summary.as_ref()
     }
 
     /// What the brain has said to the ground station.

@@ -2,7 +2,7 @@
 
 use super::error::ConfigError;
 use super::file::{
-    CameraSection, Config, MountSection, PlannerName, RectSection, SmoothnessName,
+    CameraSection, Config, MountSection, PlannerName, RectSection, SmoothnessName, SurfaceName,
     VarianceUpdateName, VolumeVarianceName,
 };
 use crate::geometry::{Body, Camera, Frame, Point, Rotation, Transform};
@@ -10,9 +10,10 @@ use crate::localization::camera_model::CameraModel;
 use crate::localization::filter::ImuNoise;
 use crate::localization::marker_map::MarkerMap;
 use crate::localization::{self, vision_fix};
+use crate::mapping::budget::CalibrationSigmas;
 use crate::mapping::projection::LidarMount;
 use crate::mapping::region::{Rect, Region};
-use crate::mapping::{self, VolumeVariance, kalman_grid, sparse_gp};
+use crate::mapping::{self, VolumeVariance, field_map, grid_map, kalman_grid, sparse_gp};
 use crate::messages::TagFamily;
 use crate::planning::trajectory::Limits;
 use crate::planning::{self, PlannerKind};
@@ -200,6 +201,10 @@ impl Config {
         let n_pairs = n_cells * 0.5 * std::f64::consts::PI * (reach_cells + 1.0).powi(2);
         within("pairs of cells within surface.reach", n_pairs, (1.0, 3e7), "")?;
         Ok(mapping::Settings {
+            method: match s.method {
+                SurfaceName::KalmanGrid => mapping::Method::KalmanGrid,
+                SurfaceName::MaternField => mapping::Method::MaternField,
+            },
             region,
             cell_m,
             base_height_m: within(
@@ -216,6 +221,20 @@ impl Config {
                 "m",
             )?,
             lidar: self.lidar_mount()?,
+            grid: self.grid_settings(kalman_grid),
+            field: self.field_settings(&kalman_grid)?,
+            max_position_sigma_m: within(
+                "surface.max_position_sigma_m",
+                s.max_position_sigma_m,
+                (0.01, 5.0),
+                "m",
+            )?,
+        })
+    }
+
+    const fn grid_settings(&self, kalman_grid: kalman_grid::Settings) -> grid_map::Settings {
+        let s = &self.surface;
+        grid_map::Settings {
             kalman_grid,
             gp: sparse_gp::Settings {
                 smoothness: match s.smoothness {
@@ -238,12 +257,61 @@ impl Config {
                 VolumeVarianceName::Printed => VolumeVariance::Printed,
                 VolumeVarianceName::Full => VolumeVariance::Full,
             },
-            max_position_sigma_m: within(
-                "surface.max_position_sigma_m",
-                s.max_position_sigma_m,
-                (0.01, 5.0),
-                "m",
-            )?,
+        }
+    }
+
+    fn field_settings(
+        &self,
+        kalman_grid: &kalman_grid::Settings,
+    ) -> Result<field_map::Settings, ConfigError> {
+        let (field, u) = (&self.surface.field, &self.surface.uncertainty);
+        let sigma = |key, value, most, unit| within(key, value, (0.0, most), unit);
+        Ok(field_map::Settings {
+            range_m: within("surface.field.range_m", field.range_m, (0.2, 100.0), "m")?,
+            sigma_m: within("surface.field.sigma_m", field.sigma_m, (0.01, 50.0), "m")?,
+            nugget_m: within("surface.field.nugget_m", field.nugget_m, (1e-3, 2.0), "m")?,
+            estimates_prior: field.estimates_prior,
+            mean_level_m: (kalman_grid.prior_height_m, kalman_grid.prior_sigma_m),
+            slope_sigma: kalman_grid.slope_sigma,
+            calibration: CalibrationSigmas {
+                range_bias_m: sigma(
+                    "surface.uncertainty.range_bias_sigma_m",
+                    u.range_bias_sigma_m,
+                    1.0,
+                    "m",
+                )?,
+                range_scale: sigma(
+                    "surface.uncertainty.range_scale_sigma",
+                    u.range_scale_sigma,
+                    0.1,
+                    "",
+                )?,
+                mount_position_m: sigma(
+                    "surface.uncertainty.mount_position_sigma_m",
+                    u.mount_position_sigma_m,
+                    1.0,
+                    "m",
+                )?,
+                mount_rotation_rad: rad_from_deg(sigma(
+                    "surface.uncertainty.mount_rotation_sigma_deg",
+                    u.mount_rotation_sigma_deg,
+                    20.0,
+                    "deg",
+                )?),
+                clock_offset_s: 1e-3
+                    * sigma(
+                        "surface.uncertainty.clock_offset_sigma_ms",
+                        u.clock_offset_sigma_ms,
+                        1000.0,
+                        "ms",
+                    )?,
+                tag_place_m: sigma(
+                    "surface.uncertainty.marker_sigma_m",
+                    u.marker_sigma_m,
+                    1.0,
+                    "m",
+                )?,
+            },
         })
     }
 

@@ -202,6 +202,8 @@ impl Default for FilterSection {
 pub enum SurfaceName {
     /// The paper's height grid.
     KalmanGrid,
+    /// A Gauss–Markov field with the budget of all error sources.
+    MaternField,
 }
 
 /// Which law shrinks a cell's uncertainty.
@@ -272,12 +274,67 @@ pub struct SurfaceSection {
     pub solve_interval_s: f64,
     /// The volume is reported this often, s.
     pub report_interval_s: f64,
+    /// What the field assumes of the material.
+    pub field: FieldSection,
+    /// Errors that last a whole flight.
+    pub uncertainty: UncertaintySection,
+}
+
+/// What the field of `matern-field` assumes of the material.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct FieldSection {
+    /// Practical range of the heights: so far apart they are nearly independent, m.
+    pub range_m: f64,
+    /// Standard deviation of the heights about their mean level, m.
+    pub sigma_m: f64,
+    /// Roughness below the cell size, m.
+    pub nugget_m: f64,
+    /// The three above are estimated from the data once there are enough.
+    pub estimates_prior: bool,
+}
+
+impl Default for FieldSection {
+    fn default() -> Self {
+        Self { range_m: 5.0, sigma_m: 1.0, nugget_m: 0.02, estimates_prior: true }
+    }
+}
+
+/// Standard deviations of errors that last a whole flight.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct UncertaintySection {
+    /// Every range is off by the same distance, m.
+    pub range_bias_sigma_m: f64,
+    /// Every range is off by the same share of itself.
+    pub range_scale_sigma: f64,
+    /// Place of the LiDAR on the body, per axis, m.
+    pub mount_position_sigma_m: f64,
+    /// Rotation of the LiDAR on the body, per axis, deg.
+    pub mount_rotation_sigma_deg: f64,
+    /// Clock of the LiDAR against the clock of the pose, ms.
+    pub clock_offset_sigma_ms: f64,
+    /// Place of each tag in the marker map, per axis, m.
+    pub marker_sigma_m: f64,
+}
+
+impl Default for UncertaintySection {
+    fn default() -> Self {
+        Self {
+            range_bias_sigma_m: 0.01,
+            range_scale_sigma: 0.001,
+            mount_position_sigma_m: 0.005,
+            mount_rotation_sigma_deg: 0.2,
+            clock_offset_sigma_ms: 2.0,
+            marker_sigma_m: 0.005,
+        }
+    }
 }
 
 impl Default for SurfaceSection {
     fn default() -> Self {
         Self {
-            method: SurfaceName::KalmanGrid,
+            method: SurfaceName::MaternField,
             cell_m: 0.25,
             length_scale_m: 0.5,
             reach: 1.5,
@@ -292,6 +349,8 @@ impl Default for SurfaceSection {
             max_position_sigma_m: 0.15,
             solve_interval_s: 5.0,
             report_interval_s: 1.0,
+            field: FieldSection::default(),
+            uncertainty: UncertaintySection::default(),
         }
     }
 }

@@ -3,6 +3,7 @@
 //! The twins describe the inner types field by field (`serde(remote)`), so a change of an inner type
 //! stops the build here instead of changing the log in silence. Units are in the keys.
 
+mod budget;
 mod enums;
 mod events;
 mod results;
@@ -13,6 +14,6 @@ pub(super) use events::{
     OperatorTwin, ScanTwin, TagsTwin, VehicleTwin,
 };
 pub(super) use results::{
-    AnswerTwin, CommandTwin, EndedTwin, FixTwin, OdometryTwin, PhaseTwin, SetpointTwin,
-    StartedTwin, SurfaceTwin, TextTwin, VolumeReportTwin,
+    AccountsTwin, AnswerTwin, CommandTwin, EndedTwin, FixTwin, OdometryTwin, PhaseTwin,
+    SetpointTwin, StartedTwin, SurfaceTwin, TextTwin, VolumeReportTwin,
 };

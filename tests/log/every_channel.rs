@@ -6,10 +6,12 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use stockpilot::geometry::{Body, Direction, Hall, Point, Rotation, Transform};
 use stockpilot::messages::{
-    AutopilotPose, BatterySample, Beam, CameraId, CommandOutcome, FixOutcome, FixRecord,
-    FlightMode, GridGeometry, HeightMap, HitCounts, LandedState, NavEstimate, OperatorAnswer,
-    OperatorCommand, OperatorRequest, OperatorVerb, Scan, Setpoint, Severity, StatusText,
-    TagDetection, TagDetections, TagFamily, VehicleCommand, VehicleState, Verdict, VolumeEstimate,
+    AutopilotPose, BatterySample, Beam, BudgetRow, BudgetSource, CameraId, CommandOutcome,
+    FixOutcome, FixRecord, FlightMode, GridGeometry, HeightMap, HitCounts, LandedState,
+    NavEstimate, OperatorAnswer, OperatorCommand, OperatorRequest, OperatorVerb, Scan, Setpoint,
+    Severity, SharedSensitivity, StatusText, TagDetection, TagDetections, TagFamily,
+    VehicleCommand, VehicleState, Verdict, VolumeAccount, VolumeBudget, VolumeEstimate,
+    VolumeShares,
 };
 use stockpilot::mission::Phase;
 use stockpilot::pilot::{Action, Event, FlightSummary, PhaseChange, VolumeReport};
@@ -76,6 +78,23 @@ fn events() -> Vec<Event> {
         Event::Operator(OperatorCommand { at: AT, verb: OperatorVerb::Start, from: operator() }),
         Event::AutopilotLost(AT),
     ]
+}
+
+fn account() -> VolumeAccount {
+    let mut budget = VolumeBudget::default();
+    for source in BudgetSource::ALL {
+        budget.rows.push(BudgetRow { source, var_m6: 0.25 });
+    }
+    let shared = SharedSensitivity {
+        source: BudgetSource::RangeBias,
+        component: 0,
+        dv_dc: -38.5,
+        sigma: 0.01,
+    };
+    budget.shared.push(shared);
+    let shares =
+        VolumeShares { measured_ratio: 0.75, interpolated_ratio: 0.125, unseen_ratio: 0.125 };
+    VolumeAccount { name: "hall".to_owned(), estimate: volume(), budget, shares }
 }
 
 fn volume() -> VolumeEstimate {
@@ -147,6 +166,7 @@ fn actions() -> Vec<Action> {
     let summary = FlightSummary {
         at: AT,
         volume: volume(),
+        accounts: vec![account()],
         hits: HitCounts::default(),
         steps_done: 4,
         path_length_m: 31.5,
@@ -166,6 +186,7 @@ fn actions() -> Vec<Action> {
         Action::PhaseChanged(change),
         Action::FixTreated(Box::new(fix())),
         Action::SurfaceSolved(Box::new(surface())),
+        Action::VolumesAccounted(vec![account()]),
         Action::Ended(Box::new(summary)),
     ]
 }

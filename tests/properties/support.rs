@@ -10,7 +10,7 @@ use stockpilot::localization::marker_map::MarkerMap;
 use stockpilot::localization::vision_fix;
 use stockpilot::mapping::projection::LidarMount;
 use stockpilot::mapping::region::{Rect, Region};
-use stockpilot::mapping::{self, VolumeVariance, kalman_grid, sparse_gp};
+use stockpilot::mapping::{self, field_map, grid_map, kalman_grid};
 use stockpilot::messages::{CameraId, TagDetection, TagDetections, TagFamily};
 use stockpilot::mission;
 use stockpilot::pilot::Settings;
@@ -113,23 +113,15 @@ pub(crate) fn settings() -> Settings {
             lost_sigma_m: 0.5,
         },
         mapping: mapping::Settings {
+            method: mapping::Method::MaternField,
             region,
             cell_m: 0.25,
             base_height_m: 0.0,
             below_base_m: 0.5,
             max_height_m: 2.0,
             lidar: lidar_mount(),
-            kalman_grid: grid,
-            gp: sparse_gp::Settings {
-                smoothness: sparse_gp::Smoothness::ThreeHalves,
-                length_scale_m: 0.5,
-                reach: 1.5,
-                sigma_m: 0.5,
-                mean_m: 0.5,
-                cut: sparse_gp::Cut::Taper,
-            },
-            estimates_prior_height: true,
-            volume_variance: VolumeVariance::Full,
+            grid: grid_map::Settings { kalman_grid: grid, ..Default::default() },
+            field: field_map::Settings { estimates_prior: false, ..Default::default() },
             max_position_sigma_m: 0.3,
         },
         planning: planning::Settings {

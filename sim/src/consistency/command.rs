@@ -6,10 +6,12 @@ use super::hover::hover;
 use super::summary::SettingReport;
 use super::update::Update;
 use crate::camera_faults::CameraFault;
+use crate::parallel::{n_cores, run_in_order};
 use crate::scenario::ScenarioArgs;
 use anyhow::Context;
 use clap::Args;
 use serde::Serialize;
+use std::num::NonZeroUsize;
 use std::ops::Range;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -37,6 +39,9 @@ pub struct ConsistencyArgs {
     /// Instead of many flights one that hovers this long, s; the first seed only.
     #[arg(long)]
     hover_s: Option<f64>,
+    /// Flights at once; as many as there are cores if left out. Results do not depend on it.
+    #[arg(long)]
+    jobs: Option<NonZeroUsize>,
     /// Where the CSV files and pictures go; nothing is written without it.
     #[arg(long)]
     out: Option<PathBuf>,
@@ -95,13 +100,11 @@ fn plan(args: &ConsistencyArgs, update: Update, latency_ms: u64) -> FlightPlan {
 
 #[expect(clippy::print_stderr, reason = "the program's output")]
 fn flights(args: &ConsistencyArgs, plan: &FlightPlan) -> anyhow::Result<Vec<FlownFlight>> {
-    let mut flights = Vec::new();
-    for seed in args.seeds.clone() {
-        let flight = fly(&args.scenario.scenario(seed)?, plan)?;
-        eprintln!("{} {} ms: {}", plan.update.name(), plan.latency.as_millis(), line(&flight));
-        flights.push(flight);
-    }
-    Ok(flights)
+    let fly_one = |seed| fly(&args.scenario.scenario(seed)?, plan);
+    let show = |flight: &FlownFlight| {
+        eprintln!("{} {} ms: {}", plan.update.name(), plan.latency.as_millis(), line(flight));
+    };
+    run_in_order(args.seeds.clone(), args.jobs.unwrap_or_else(n_cores), fly_one, show)
 }
 
 /// One flight in a line.
