@@ -2,11 +2,11 @@
 
 use super::error::ConfigError;
 use super::file::{
-    CameraSection, Config, MountSection, PlannerName, RectSection, SmoothnessName, SurfaceName,
-    VarianceUpdateName, VolumeVarianceName,
+    CameraSection, Config, MountSection, PadSection, PlannerName, RectSection, SmoothnessName,
+    SurfaceName, UpdateName, VarianceUpdateName, VolumeVarianceName,
 };
 use crate::geometry::{Body, Camera, Frame, Point, Rotation, Transform};
-use crate::localization::camera_model::CameraModel;
+use crate::localization::camera_model::{CameraModel, Lens};
 use crate::localization::filter::ImuNoise;
 use crate::localization::marker_map::MarkerMap;
 use crate::localization::{self, vision_fix};
@@ -144,6 +144,11 @@ impl Config {
                     "m",
                 )?,
             },
+            update: match f.update {
+                UpdateName::Loose => localization::Update::Loose,
+                UpdateName::Tight => localization::Update::Tight,
+            },
+            pad: f.pad.as_ref().map(pad_pose).transpose()?,
             capture_sigma_s: within("filter.capture_sigma_s", f.capture_sigma_s, (0.0, 0.1), "s")?,
             imu_noise: ImuNoise {
                 accel_density_mps2_rthz: density(
@@ -507,6 +512,23 @@ fn mount<F: Frame>(key: &str, m: &MountSection) -> Result<Transform<Body, F>, Co
     Ok(Transform::new(Rotation::from_euler_rad(roll, pitch, yaw), Point::new(x, y, z)))
 }
 
+fn pad_pose(pad: &PadSection) -> Result<localization::PadPose, ConfigError> {
+    let coordinate =
+        |k: usize| within("filter.pad.position_m", pad.position_m[k], (-10_000.0, 10_000.0), "m");
+    let sigma_deg = within("filter.pad.yaw_sigma_deg", pad.yaw_sigma_deg, (0.1, 30.0), "°")?;
+    Ok(localization::PadPose {
+        position: Point::new(coordinate(0)?, coordinate(1)?, coordinate(2)?),
+        yaw_rad: within("filter.pad.yaw_deg", pad.yaw_deg, (-360.0, 360.0), "°")?.to_radians(),
+        position_sigma_m: within(
+            "filter.pad.position_sigma_m",
+            pad.position_sigma_m,
+            (0.005, 5.0),
+            "m",
+        )?,
+        yaw_sigma_rad: sigma_deg.to_radians(),
+    })
+}
+
 fn camera_model(index: usize, c: &CameraSection) -> Result<CameraModel, ConfigError> {
     let key = |name: &str| format!("cameras[{index}].{name}");
     let [width_px, height_px] = c.size_px;
@@ -533,8 +555,8 @@ fn camera_model(index: usize, c: &CameraSection) -> Result<CameraModel, ConfigEr
         fy_px: c.focal_px[1],
         cx_px: c.principal_px[0],
         cy_px: c.principal_px[1],
-        radial: [k1, k2],
-        tangential: [p1, p2],
+        lens: Lens::radial_tangential([k1, k2], [p1, p2]),
+        readout: Duration::ZERO,
         body_from_camera: Transform::new(forward.rotation * looking_forward, forward.origin),
     })
 }

@@ -153,10 +153,36 @@ const fn default_min_range_m() -> f64 {
     0.15
 }
 
+/// How a frame meets the filter.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum UpdateName {
+    /// As one pose.
+    Loose,
+    /// Corner by corner.
+    Tight,
+}
+
+/// Where the vehicle stands before a flight.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PadSection {
+    /// Origin of the body in the hall, m.
+    pub position_m: [f64; 3],
+    /// Yaw of the body in the hall, degrees.
+    pub yaw_deg: f64,
+    /// Standard deviation of each coordinate, m.
+    pub position_sigma_m: f64,
+    /// Standard deviation of the yaw, degrees.
+    pub yaw_sigma_deg: f64,
+}
+
 /// The filter.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct FilterSection {
+    /// How a frame meets the filter.
+    pub update: UpdateName,
     /// Standard deviation of a detected corner, px.
     pub corner_sigma_px: f64,
     /// Standard deviation of a frame's capture time, s.
@@ -177,11 +203,15 @@ pub struct FilterSection {
     pub lost_after_s: f64,
     /// A position less certain than this counts as lost, m.
     pub lost_sigma_m: f64,
+    /// Where the vehicle stands before a flight, if it should know without a tag in view.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pad: Option<PadSection>,
 }
 
 impl Default for FilterSection {
     fn default() -> Self {
         Self {
+            update: UpdateName::Tight,
             corner_sigma_px: 0.4,
             capture_sigma_s: 0.002,
             max_fix_sigma_m: 0.5,
@@ -192,6 +222,7 @@ impl Default for FilterSection {
             ring_span_s: 1.0,
             lost_after_s: 1.5,
             lost_sigma_m: 0.25,
+            pad: None,
         }
     }
 }

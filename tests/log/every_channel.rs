@@ -7,10 +7,10 @@ use std::path::{Path, PathBuf};
 use stockpilot::geometry::{Body, Direction, Hall, Point, Rotation, Transform};
 use stockpilot::messages::{
     AutopilotPose, BatterySample, Beam, BudgetRow, BudgetSource, CameraId, CommandOutcome,
-    FixOutcome, FixRecord, FlightMode, GridGeometry, HeightMap, HitCounts, LandedState,
-    NavEstimate, OperatorAnswer, OperatorCommand, OperatorRequest, OperatorVerb, Scan, Setpoint,
-    Severity, SharedSensitivity, StatusText, TagDetection, TagDetections, TagFamily,
-    VehicleCommand, VehicleState, Verdict, VolumeAccount, VolumeBudget, VolumeEstimate,
+    FixOutcome, FixRecord, FixSource, FlightMode, GridGeometry, HeightMap, HitCounts, LandedState,
+    NavEstimate, OperatorAnswer, OperatorCommand, OperatorRequest, OperatorVerb, PointDetection,
+    Scan, Setpoint, Severity, SharedSensitivity, StatusText, TagDetection, TagDetections,
+    TagFamily, VehicleCommand, VehicleState, Verdict, VolumeAccount, VolumeBudget, VolumeEstimate,
     VolumeShares,
 };
 use stockpilot::mission::Phase;
@@ -50,6 +50,7 @@ fn events() -> Vec<Event> {
             received_at: AT,
             camera: CameraId(1),
             tags: vec![tag],
+            points: vec![PointDetection { id: 9, pixel_px: [3.25, -7.5] }],
         }),
         Event::Vehicle(VehicleState {
             at: AT,
@@ -119,15 +120,20 @@ fn fix() -> FixRecord {
     FixRecord {
         at: AT,
         age_s: 0.05,
+        source: FixSource::Tight,
         n_tags: 2,
         n_tags_used: 1,
+        n_points: 4,
+        n_points_used: 3,
         fix: Some(FixOutcome {
             hall_from_body: pose(),
             pose_cov: Matrix6::identity(),
             residual_rms_px: 0.25,
             q_pos: 12.5,
+            q_position: 14.25,
         }),
         innovation: Some([0.5; 6]),
+        innovation_cov: Some([[0.25; 6]; 6]),
         nis: None,
         nis_gate: 16.8119,
         verdict: Verdict::Fused,

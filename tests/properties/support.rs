@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use std::time::Duration;
 use stockpilot::geometry::{Body, Camera, Hall, Lidar, Point, Rotation, Transform};
 use stockpilot::localization;
-use stockpilot::localization::camera_model::CameraModel;
+use stockpilot::localization::camera_model::{CameraModel, Lens};
 use stockpilot::localization::filter::ImuNoise;
 use stockpilot::localization::marker_map::MarkerMap;
 use stockpilot::localization::vision_fix;
@@ -35,8 +35,8 @@ pub(crate) fn camera() -> CameraModel {
         fy_px: 640.0,
         cx_px: 640.0,
         cy_px: 400.0,
-        radial: [-0.1, 0.01],
-        tangential: [0.0005, -0.0003],
+        lens: Lens::radial_tangential([-0.1, 0.01], [0.0005, -0.0003]),
+        readout: Duration::ZERO,
         body_from_camera: Transform::new(
             Rotation::<Body, Camera>::from_euler_rad(
                 -std::f64::consts::FRAC_PI_2,
@@ -79,6 +79,7 @@ pub(crate) fn frame(pose: &Transform<Hall, Body>, captured: Stamp<Mono>) -> TagD
         received_at: captured.plus(Duration::from_millis(60)),
         camera: CameraId(0),
         tags: seen.collect(),
+        points: Vec::new(),
     }
 }
 
@@ -106,6 +107,8 @@ pub(crate) fn settings() -> Settings {
             cameras: vec![camera()],
             marker_map: marker_map(),
             vision: vision_fix::Settings::default(),
+            update: localization::Update::Tight,
+            pad: None,
             capture_sigma_s: 0.002,
             imu_noise: ImuNoise::default(),
             ring_span: Duration::from_secs(1),

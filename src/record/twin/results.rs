@@ -2,15 +2,15 @@
 
 use super::budget::BudgetTwin;
 use super::enums::{
-    JobIdTwin, OperatorRequestTwin, OperatorVerbTwin, PhaseNameTwin, SeverityTwin,
+    FixSourceTwin, JobIdTwin, OperatorRequestTwin, OperatorVerbTwin, PhaseNameTwin, SeverityTwin,
     VehicleCommandTwin, VerdictTwin,
 };
 use super::scalars::{Nanos, PoseTwin, Rows, Xyz};
 use crate::geometry::{Body, Direction, Hall, Point, Transform};
 use crate::messages::{
-    FixOutcome, FixRecord, GridGeometry, HeightMap, HitCounts, NavEstimate, OperatorAnswer,
-    OperatorRequest, OperatorVerb, Setpoint, Severity, StatusText, VehicleCommand, Verdict,
-    VolumeAccount, VolumeBudget, VolumeEstimate, VolumeShares,
+    FixOutcome, FixRecord, FixSource, GridGeometry, HeightMap, HitCounts, NavEstimate,
+    OperatorAnswer, OperatorRequest, OperatorVerb, Setpoint, Severity, StatusText, VehicleCommand,
+    Verdict, VolumeAccount, VolumeBudget, VolumeEstimate, VolumeShares,
 };
 use crate::mission::Phase;
 use crate::pilot::{FlightSummary, JobId, PhaseChange, VolumeReport};
@@ -181,6 +181,7 @@ struct FixOutcomeTwin {
     pose_cov: Matrix6<f64>,
     residual_rms_px: f64,
     q_pos: f64,
+    q_position: f64,
 }
 
 #[derive(Serialize, JsonSchema)]
@@ -210,11 +211,16 @@ pub(in crate::record) struct FixTwin {
     #[serde(rename = "at_ns", with = "Nanos")]
     at: Stamp<Mono>,
     age_s: f64,
+    #[serde(with = "FixSourceTwin")]
+    source: FixSource,
     n_tags: usize,
     n_tags_used: usize,
+    n_points: usize,
+    n_points_used: usize,
     #[serde(with = "OptionalFix")]
     fix: Option<FixOutcome>,
     innovation: Option<[f64; 6]>,
+    innovation_cov: Option<[[f64; 6]; 6]>,
     nis: Option<f64>,
     nis_gate: f64,
     #[serde(with = "VerdictTwin")]
