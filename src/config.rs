@@ -14,7 +14,7 @@ pub use error::ConfigError;
 pub use file::{
     CameraSection, Config, FieldSection, FilterSection, HallSection, LidarSection, LinkSection,
     LogSection, MissionSection, MountSection, PlannerName, PlanningSection, RectSection,
-    SmoothnessName, SurfaceName, SurfaceSection, TagSection, UncertaintySection,
+    SmoothnessName, SurfaceName, SurfaceSection, TagSection, UncertaintySection, UpdateName,
     VarianceUpdateName, VolumeVarianceName,
 };
 pub use load::load;

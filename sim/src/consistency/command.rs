@@ -28,7 +28,7 @@ pub struct ConsistencyArgs {
     #[arg(long, value_delimiter = ',', default_value = "30", value_parser = clap::value_parser!(u64).range(0..1000))]
     latency_ms: Vec<u64>,
     /// How frames enter the filter; several with commas.
-    #[arg(long, value_enum, value_delimiter = ',', default_value = "loose")]
+    #[arg(long, value_enum, value_delimiter = ',', default_value = "tight")]
     update: Vec<Update>,
     /// Each flight is watched this long from its start, s.
     #[arg(long, default_value_t = 90.0)]

@@ -9,7 +9,7 @@ use crate::vehicle::MotionState;
 use anyhow::bail;
 use nalgebra::{DMatrix, DVector, Vector3};
 use std::time::Duration;
-use stockpilot::messages::{FixRecord, NavEstimate, Verdict};
+use stockpilot::messages::{FixRecord, FixSource, NavEstimate, Verdict};
 use stockpilot::mission::Phase;
 use stockpilot::pilot::Action;
 use stockpilot::stats::chi2_gate_99;
@@ -117,7 +117,7 @@ pub(super) fn direct_flight(
     let mut scenario = scenario.clone();
     scenario.camera.detector.latency = (plan.latency, plan.latency);
     let mut config = config(&scenario, Devices::none());
-    config.filter = with_update(&config.filter, plan.update)?;
+    config.filter = with_update(&config.filter, plan.update);
     config.surface.solve_interval_s = SELDOM_S;
     Ok(DirectFlight::with_config(&scenario, &config)?)
 }
@@ -182,6 +182,9 @@ struct Watch {
 impl Watch {
     fn note(&mut self, witnessed: Witnessed<'_>) {
         let Witnessed::Action(Action::FixTreated(record)) = witnessed else { return };
+        if record.source == FixSource::Standstill {
+            return;
+        }
         self.n_tags = record.n_tags_used;
         self.fixes.extend(nis_look(record));
     }

@@ -1,8 +1,7 @@
 //! Which of the filter's updates flies.
 
-use anyhow::Context;
 use clap::ValueEnum;
-use stockpilot::config::FilterSection;
+use stockpilot::config::{FilterSection, UpdateName};
 
 /// How a frame of tags enters the filter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -25,15 +24,11 @@ impl Update {
 }
 
 /// The filter's settings with this update.
-///
-/// # Errors
-/// A filter that has only the loose update cannot be told another.
-pub fn with_update(filter: &FilterSection, update: Update) -> anyhow::Result<FilterSection> {
-    let mut value = serde_json::to_value(filter)?;
-    let has_choice = value.get("update").is_some();
-    if !has_choice && update == Update::Loose {
-        return Ok(filter.clone());
-    }
-    value["update"] = update.name().into();
-    serde_json::from_value(value).context("the filter has no such update")
+#[must_use]
+pub fn with_update(filter: &FilterSection, update: Update) -> FilterSection {
+    let update = match update {
+        Update::Loose => UpdateName::Loose,
+        Update::Tight => UpdateName::Tight,
+    };
+    FilterSection { update, ..filter.clone() }
 }

@@ -49,10 +49,10 @@ fn the_json_has_the_agreed_form_and_the_same_seeds_give_the_same_numbers() {
     let value: Value = serde_json::from_str(&text).expect("one object");
     assert_is_a_setting(&value);
     assert_eq!(value["latency_ms"], 30);
-    assert_eq!(value["update"], "loose");
+    assert_eq!(value["update"], "tight");
     assert_eq!(value["n_runs"], 2);
     assert_eq!(text, printed("30", second.path()));
-    for file in ["nees-loose-30ms.csv", "nees-loose-30ms.svg", "summary.csv"] {
+    for file in ["nees-tight-30ms.csv", "nees-tight-30ms.svg", "summary.csv"] {
         let read = |directory: &Path| std::fs::read_to_string(directory.join(file));
         let written = read(first.path()).expect("a file");
         assert!(written.len() > 200, "{file}: {written}");

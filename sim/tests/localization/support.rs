@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 use std::time::Duration;
-use stockpilot::messages::{FixRecord, Verdict};
+use stockpilot::messages::{FixRecord, FixSource, Verdict};
 use stockpilot::mission::Phase;
 use stockpilot::pilot::Action;
 use stockpilot::time::{Mono, Stamp};
@@ -11,7 +11,7 @@ use stockpilot_sim::camera_faults::CameraFault;
 use stockpilot_sim::campaign::{DirectFlight, Witnessed};
 use stockpilot_sim::consistency::{Update, with_update};
 use stockpilot_sim::hall::{Devices, config};
-use stockpilot_sim::scenario::{Lidar, Planner, Scenario, Surface};
+use stockpilot_sim::scenario::{Conditions, Lidar, Planner, Scenario, Surface};
 use stockpilot_sim::world::World;
 
 /// √χ² of 99.7 % for three degrees of freedom (13.93): what 3σ is for one. The exact tail,
@@ -27,10 +27,12 @@ pub(crate) fn survey(seed: u64) -> Scenario {
         world: World::piles(seed).expect("a generated world"),
         planner: Planner::SquareWave,
         surface: Surface::KalmanGrid,
+        variance: None,
         lidar: Lidar::Ld19,
         camera: CameraModel::ahead(),
         n_steps: 50,
         seed,
+        conditions: Conditions::default(),
     }
 }
 
@@ -94,10 +96,13 @@ impl Seen {
         self.looks.iter().map(|look| look.error_m.norm()).fold(0.0, f64::max)
     }
 
-    /// Share of the records that tell of something wrong: not fused, or fused without some tag.
+    /// Share of the records that tell of something wrong: not fused, or fused without some tag, or
+    /// without more than an eighth of the points (the gate of a point refuses one in a hundred).
     pub(crate) fn told_ratio(&self) -> f64 {
         let is_told = |record: &FixRecord| {
-            record.verdict != Verdict::Fused || record.n_tags_used < record.n_tags
+            record.verdict != Verdict::Fused
+                || record.n_tags_used < record.n_tags
+                || 8 * record.n_points_used < 7 * record.n_points
         };
         let n_told = self.records.iter().filter(|(record, _)| is_told(record)).count();
         ratio(n_told, self.records.len())
@@ -127,7 +132,7 @@ const AFTERWARDS_S: f64 = 4.0;
 pub(crate) fn flown(seed: u64, update: Update, fault: Option<CameraFault>, fault_s: f64) -> Seen {
     let scenario = survey(seed);
     let mut config = config(&scenario, Devices::none());
-    config.filter = with_update(&config.filter, update).expect("a filter with this update");
+    config.filter = with_update(&config.filter, update);
     let mut flight = DirectFlight::with_config(&scenario, &config).expect("a configuration");
     let mut seen = Seen::default();
     let started = Stamp::ZERO.plus(Duration::from_secs(60));
@@ -150,7 +155,9 @@ pub(crate) fn flown(seed: u64, update: Update, fault: Option<CameraFault>, fault
         }
         let mut records = Vec::new();
         flight.step(&mut |_, witnessed| {
-            if let Witnessed::Action(Action::FixTreated(record)) = witnessed {
+            if let Witnessed::Action(Action::FixTreated(record)) = witnessed
+                && record.source != FixSource::Standstill
+            {
                 records.push(FixRecord::clone(record));
             }
         });
