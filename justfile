@@ -33,6 +33,10 @@ fly *ARGS:
 campaign *ARGS:
     cargo run --release -p stockpilot-sim --locked -- campaign {{ARGS}}
 
+# Is the localisation as sure as it says? `just consistency --latency-ms 10,30,150 --out nees`.
+consistency *ARGS:
+    cargo run --release -p stockpilot-sim --locked -- consistency {{ARGS}}
+
 # Advisories, licences, sources and duplicates of the dependencies (needs cargo-deny).
 deny:
     cargo deny --locked check

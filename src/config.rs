@@ -23,7 +23,7 @@ pub use error::ConfigError;
 pub use file::{
     Config, FieldSection, FilterSection, HallSection, LidarSection, LinkSection, LogSection,
     MissionSection, MountSection, PlannerName, PlanningSection, RectSection, SurfaceName,
-    SurfaceSection, UncertaintySection, VarianceUpdateName, VolumeVarianceName,
+    SurfaceSection, UncertaintySection, UpdateName, VarianceUpdateName, VolumeVarianceName,
 };
 pub use load::load;
 pub use markers::{MarkersSection, PointSection, TagSection};

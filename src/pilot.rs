@@ -215,6 +215,12 @@ impl Pilot {
         self.mission.phase()
     }
 
+    /// The newest belief of the localisation, whether it can be flown on or not.
+    #[must_use]
+    pub fn estimate(&self) -> Option<NavEstimate> {
+        self.localizer.estimate()
+    }
+
     fn on_tick(&mut self, now: Stamp<Mono>, actions: &mut Vec<Action>) {
         self.now = now;
         self.n_ticks += 1;

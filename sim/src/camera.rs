@@ -3,12 +3,14 @@
 //! [`CameraModel::view`] is the exact picture of the markers; [`CameraSimulator`] takes frames of
 //! it at a steady rate and hands them over late, noisy and incomplete, as a detector does.
 
+mod args;
 mod lens;
 mod line;
 mod model;
 mod simulator;
 mod view;
 
+pub use args::CameraArgs;
 pub use lens::Lens;
 pub use line::detections_line;
 pub use model::{CameraModel, DetectorModel, mounted};

@@ -3,6 +3,7 @@
 //! The MAVLink session stays in between, message by message, so that frames, commands and clocks
 //! are those of the real service; only bytes, sockets and threads are left out.
 
+use crate::camera_faults::{CameraFault, CameraFaultLayer, keep_largest};
 use crate::hall::{Devices, config};
 use crate::judge::PoseJudge;
 use crate::lidar::TurnAssembler;
@@ -13,8 +14,9 @@ use crate::scenario::Scenario;
 use mavlink::dialects::ardupilotmega::MavMessage;
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
-use stockpilot::config::ConfigError;
+use stockpilot::config::{Config, ConfigError};
 use stockpilot::link::{Session, SessionOutput};
+use stockpilot::messages::NavEstimate;
 use stockpilot::mission::Phase;
 use stockpilot::pilot::{Action, Event, FlightSummary, JobId, JobOutput, Pilot, TICK_RATE_HZ};
 use stockpilot::time::{Mono, Stamp};
@@ -58,6 +60,10 @@ pub struct SensorFaults {
     pub is_camera_covered: bool,
     /// No scan arrives.
     pub is_lidar_silent: bool,
+    /// What the detector gets wrong.
+    pub camera: Option<CameraFault>,
+    /// No more markers than this, the largest in the picture.
+    pub n_tags_max: Option<usize>,
 }
 
 /// Brain and rig, connected directly.
@@ -67,6 +73,7 @@ pub struct DirectFlight {
     pub rig: Rig,
     /// What is wrong with the sensors now.
     pub faults: SensorFaults,
+    camera_faults: CameraFaultLayer,
     operator: Operator,
     session: Session,
     /// What followed from messages after the last step's events were handed over.
@@ -125,10 +132,18 @@ impl DirectFlight {
     /// # Errors
     /// A configuration that does not fit.
     pub fn new(scenario: &Scenario) -> Result<Self, ConfigError> {
-        let config = config(scenario, Devices::none());
+        Self::with_config(scenario, &config(scenario, Devices::none()))
+    }
+
+    /// The same with a configuration of its own.
+    ///
+    /// # Errors
+    /// A configuration that does not fit.
+    pub fn with_config(scenario: &Scenario, config: &Config) -> Result<Self, ConfigError> {
         Ok(Self {
             rig: scenario.rig(),
             faults: SensorFaults::default(),
+            camera_faults: CameraFaultLayer::new(scenario.seed),
             operator: Operator::default(),
             session: Session::new(config.link_settings()?),
             answers: SessionOutput::default(),
@@ -146,6 +161,23 @@ impl DirectFlight {
     #[must_use]
     pub const fn phase(&self) -> Phase {
         self.pilot.phase()
+    }
+
+    /// The brain's newest belief, before it is rounded for the wire.
+    #[must_use]
+    pub fn estimate(&self) -> Option<NavEstimate> {
+        self.pilot.estimate()
+    }
+
+    /// The marker that the camera's fault of the moment is about.
+    #[must_use]
+    pub const fn faulty_tag(&self) -> Option<u32> {
+        self.camera_faults.picked()
+    }
+
+    /// The person at the ground station.
+    pub const fn operator_mut(&mut self) -> &mut Operator {
+        &mut self.operator
     }
 
     /// What the flight came to, once it has ended.
@@ -196,7 +228,9 @@ impl DirectFlight {
 
     /// What the sensors give, as events.
     fn sense(&mut self, output: RigOutput, events: &mut Vec<Event>) {
-        for mut frame in output.frames {
+        for frame in output.frames {
+            let frame = keep_largest(frame, self.faults.n_tags_max);
+            let mut frame = self.camera_faults.apply(self.faults.camera, frame, &mut self.rig);
             if self.faults.is_camera_covered {
                 frame.tags.clear();
             }

@@ -5,6 +5,7 @@ use crate::calibration::CalibrationSigmas;
 use crate::camera::CameraModel;
 use crate::lidar::LidarModel;
 use crate::scenario::{Scenario, Variance};
+use crate::vehicle::VehicleSettings;
 use crate::world::{Region, World};
 use std::path::PathBuf;
 use stockpilot::config::{
@@ -49,16 +50,13 @@ const MAX_PILE_HEIGHT_M: f64 = 5.0;
 pub fn config(scenario: &Scenario, devices: Devices) -> Config {
     let world = &scenario.world;
     let conditions = &scenario.conditions;
-    let (filter, surface) = (FilterSection::default(), SurfaceSection::default());
+    let surface = SurfaceSection::default();
     let planning = PlanningSection::default();
     Config {
         hall: hall(world),
         link: LinkSection { address: devices.link, ..LinkSection::default() },
         lidar: lidar(scenario.lidar.name(), &scenario.lidar.model(), devices.lidar_port),
-        filter: FilterSection {
-            corner_sigma_px: filter.corner_sigma_px * conditions.marker_noise,
-            ..filter
-        },
+        filter: filter(&scenario.camera),
         surface: SurfaceSection {
             method: scenario.surface.config_name(),
             slope_sigma: surface.slope_sigma * conditions.steepness,
@@ -95,6 +93,27 @@ const fn uncertainty(sigmas: &CalibrationSigmas) -> UncertaintySection {
         mount_rotation_sigma_deg: sigmas.mount_rotation_sigma_deg,
         clock_offset_sigma_ms: sigmas.clock_offset_sigma_ms,
         marker_sigma_m: sigmas.marker_sigma_m,
+    }
+}
+
+/// A detector without noise is still not believed any further, px.
+const LEAST_CORNER_SIGMA_PX: f64 = 0.02;
+
+/// The noise that the simulated sensors have, and nothing on top.
+///
+/// The defaults of the configuration leave room for vibration, a blurred picture and stamps that
+/// are a little off; with those the simulated filter would claim three times too much.
+fn filter(camera: &CameraModel) -> FilterSection {
+    let imu = VehicleSettings::default().imu;
+    FilterSection {
+        corner_sigma_px: camera.detector.pixel_sigma_px.max(LEAST_CORNER_SIGMA_PX),
+        // Frames carry the true time, and without sockets the clocks compare exactly.
+        capture_sigma_s: 0.0,
+        accel_density_mps2_rthz: imu.accel_density_mps2_rthz,
+        gyro_density_radps_rthz: imu.gyro_density_radps_rthz,
+        accel_walk_mps2_rts: imu.accel_bias_walk_mps2_rts,
+        gyro_walk_radps_rts: imu.gyro_bias_walk_radps_rts,
+        ..FilterSection::default()
     }
 }
 

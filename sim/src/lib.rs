@@ -7,7 +7,9 @@
 pub mod autopilot;
 pub mod calibration;
 pub mod camera;
+pub mod camera_faults;
 pub mod campaign;
+pub mod consistency;
 pub mod fly;
 pub mod hall;
 pub mod hazards;

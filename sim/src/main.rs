@@ -8,7 +8,9 @@ use std::process::ExitCode;
 use stockpilot::messages::Verdict;
 use stockpilot::pilot::Action;
 use stockpilot::time::{Mono, Stamp};
+use stockpilot_sim::camera::CameraArgs;
 use stockpilot_sim::campaign::{self, Witnessed};
+use stockpilot_sim::consistency::{self, ConsistencyArgs};
 use stockpilot_sim::fly::{self, FlyOptions};
 use stockpilot_sim::parallel::{n_cores, run_in_order};
 use stockpilot_sim::report::{CampaignReport, RunReport};
@@ -28,14 +30,18 @@ enum Command {
     Fly(FlyArgs),
     /// Many flights without bytes and threads in between, as fast as the machine allows.
     Campaign(CampaignArgs),
+    /// Many flights; NEES and NIS of the localisation beside their χ² bands.
+    Consistency(ConsistencyArgs),
 }
 
 #[derive(Debug, Args)]
 struct CampaignArgs {
     #[command(flatten)]
     scenario: ScenarioArgs,
+    #[command(flatten)]
+    camera: CameraArgs,
     /// Seeds, first to last plus one.
-    #[arg(long, default_value = "0..20", value_parser = seeds)]
+    #[arg(long, default_value = "0..20", value_parser = stockpilot_sim::scenario::seeds)]
     seeds: Range<u64>,
     /// Flights at once; as many as there are cores if left out. Results do not depend on it.
     #[arg(long)]
@@ -52,6 +58,8 @@ struct CampaignArgs {
 struct FlyArgs {
     #[command(flatten)]
     scenario: ScenarioArgs,
+    #[command(flatten)]
+    camera: CameraArgs,
     /// Seed of everything that is drawn.
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -66,20 +74,13 @@ struct FlyArgs {
     json: bool,
 }
 
-fn seeds(text: &str) -> Result<Range<u64>, String> {
-    let wrong = || format!("{text:?} is not of the form 0..20");
-    let (first, end) = text.split_once("..").ok_or_else(wrong)?;
-    let number = |part: &str| part.parse::<u64>().map_err(|_| wrong());
-    let range = number(first)?..number(end)?;
-    if range.is_empty() { Err(wrong()) } else { Ok(range) }
-}
-
 fn main() -> anyhow::Result<ExitCode> {
     let filter = tracing_subscriber::EnvFilter::try_from_default_env()
         .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("warn"));
     tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).init();
     match Cli::parse().command {
         Some(Command::Campaign(args)) => run_campaign(&args),
+        Some(Command::Consistency(args)) => consistency::run(&args).map(|()| ExitCode::SUCCESS),
         Some(Command::Fly(args)) => run_fly(&args),
         None => run_fly(&FlyArgs::parse_from(["fly"])),
     }
@@ -88,7 +89,8 @@ fn main() -> anyhow::Result<ExitCode> {
 #[expect(clippy::print_stdout, reason = "the program's output")]
 fn run_fly(args: &FlyArgs) -> anyhow::Result<ExitCode> {
     anyhow::ensure!(args.speed > 0.0 && args.speed <= 100.0, "--speed is 0 to 100");
-    let scenario = args.scenario.scenario(args.seed)?;
+    let mut scenario = args.scenario.scenario(args.seed)?;
+    args.camera.apply(&mut scenario.camera);
     let options =
         FlyOptions { speed: args.speed, directory: args.log.clone(), shows_progress: true };
     let run = fly::run(&scenario, &options)?;
@@ -155,7 +157,8 @@ fn run_campaign(args: &CampaignArgs) -> anyhow::Result<ExitCode> {
     // Traces of several flights at once could not be told apart.
     let n_jobs = if args.trace { NonZeroUsize::MIN } else { args.jobs.unwrap_or_else(n_cores) };
     let fly = |seed| -> anyhow::Result<RunReport> {
-        let scenario = args.scenario.scenario(seed)?;
+        let mut scenario = args.scenario.scenario(seed)?;
+        args.camera.apply(&mut scenario.camera);
         let run = campaign::run(&scenario, |at, seen| {
             if let (true, Witnessed::Action(action)) = (args.trace, seen) {
                 trace(at, action);

@@ -15,6 +15,7 @@ pub struct Operator {
     next_heartbeat: Stamp<Mono>,
     next_start: Stamp<Mono>,
     is_start_acknowledged: bool,
+    wishes: Vec<MavCmd>,
     /// Lines of text, in the order they came.
     pub texts: Vec<String>,
     /// The last value of VOLUME, m³, as a ground station shows it.
@@ -31,6 +32,11 @@ const AUTOPILOT_SYSTEM: u8 = 1;
 const GROUND_STATION: MavHeader = MavHeader { system_id: 255, component_id: 190, sequence: 0 };
 
 impl Operator {
+    /// Sends one of the user commands with the next step; nobody looks after it.
+    pub fn ask(&mut self, command: MavCmd) {
+        self.wishes.push(command);
+    }
+
     /// Speaks and listens once per step of the simulation.
     pub fn step(&mut self, now: Stamp<Mono>, autopilot: &mut StubPx4) {
         for (header, message) in autopilot.to_ground_station() {
@@ -43,7 +49,10 @@ impl Operator {
         let is_due = now >= self.next_start.max(Stamp::ZERO.plus(START_AFTER));
         if is_due && !self.is_start_acknowledged {
             self.next_start = now.plus(START_RETRY);
-            autopilot.forward(now, GROUND_STATION, &start_command(AUTOPILOT_SYSTEM));
+            autopilot.forward(now, GROUND_STATION, &user_command(MavCmd::MAV_CMD_USER_1));
+        }
+        for command in self.wishes.drain(..) {
+            autopilot.forward(now, GROUND_STATION, &user_command(command));
         }
     }
 
@@ -76,11 +85,11 @@ fn heartbeat() -> MavMessage {
     })
 }
 
-fn start_command(target_system: u8) -> MavMessage {
+fn user_command(command: MavCmd) -> MavMessage {
     MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
-        target_system,
+        target_system: AUTOPILOT_SYSTEM,
         target_component: COMPANION_COMPONENT,
-        command: MavCmd::MAV_CMD_USER_1,
+        command,
         ..COMMAND_LONG_DATA::DEFAULT
     })
 }

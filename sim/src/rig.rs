@@ -8,6 +8,7 @@ use crate::vehicle::{MotorCommands, Surroundings, Vehicle, VehicleSettings};
 use crate::world::World;
 use mavlink::MavHeader;
 use mavlink::dialects::ardupilotmega::MavMessage;
+use nalgebra::Vector3;
 use std::time::Duration;
 use stockpilot::geometry::{Hall, Point, Rotation, Transform};
 use stockpilot::messages::TagDetections;
@@ -117,6 +118,27 @@ impl Rig {
     #[must_use]
     pub const fn vehicle(&self) -> &Vehicle {
         &self.vehicle
+    }
+
+    /// The vehicle, to change its battery.
+    pub const fn vehicle_mut(&mut self) -> &mut Vehicle {
+        &mut self.vehicle
+    }
+
+    /// Moves a marker of the hall by a vector in hall axes, m; false if there is none with this
+    /// number. What anybody has written down of it stays as it was.
+    pub fn move_tag(&mut self, id: u32, by_m: &Vector3<f64>) -> bool {
+        let Some(tag) = self.world.tags.iter_mut().find(|tag| tag.id == id) else { return false };
+        for corner in &mut tag.corners {
+            *corner = Point::from_coords(corner.coords + by_m);
+        }
+        true
+    }
+
+    /// The camera.
+    #[must_use]
+    pub fn camera(&self) -> &CameraModel {
+        self.camera.model()
     }
 
     /// The autopilot, to talk to and to torment.

@@ -9,6 +9,7 @@ use crate::rig::Rig;
 use crate::world::{GridScale, World, WorldError};
 use anyhow::{Context, ensure};
 use clap::{Args, ValueEnum};
+use std::ops::Range;
 use std::path::Path;
 use stockpilot::config::{PlannerName, SurfaceName, VolumeVarianceName};
 use stockpilot::stats::SeedBook;
@@ -320,4 +321,16 @@ impl ScenarioArgs {
         let has_gaps = self.hazards.has_gaps;
         Ok(if has_gaps { world.with_gaps(SeedBook::new(seed)) } else { world })
     }
+}
+
+/// Seeds as they stand on the command line: `0..20`.
+///
+/// # Errors
+/// Anything else, and an empty range.
+pub fn seeds(text: &str) -> Result<Range<u64>, String> {
+    let wrong = || format!("{text:?} is not of the form 0..20");
+    let (first, end) = text.split_once("..").ok_or_else(wrong)?;
+    let number = |part: &str| part.parse::<u64>().map_err(|_| wrong());
+    let range = number(first)?..number(end)?;
+    if range.is_empty() { Err(wrong()) } else { Ok(range) }
 }

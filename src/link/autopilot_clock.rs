@@ -265,6 +265,43 @@ mod tests {
         }
     }
 
+    /// The largest error after the first 10 s of one minute in which one answer in ten waits for 3
+    /// to 9 ms on its way back and one in fifty carries a stamp that is 15 to 80 ms off, ns.
+    fn worst_error_with_outliers_ns(seed: u64) -> i64 {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let mut clock = AutopilotClock::default();
+        let (mut worst_ns, mut n_outliers) = (0, 0);
+        for step in 0..600_i64 {
+            let offset_ns = TRUE_OFFSET_NS + step * 4_000; // 100 ms at 40 ppm
+            let waits = rng.random_range(0..10) == 0;
+            let most_ns = if waits { 9_000_000 } else { 400_000_u32 };
+            let back_ns = 200_000 + i64::from(rng.random_range(most_ns / 3..most_ns));
+            // The first answer decides where the outliers are; it is a good one.
+            let is_wrong = step > 0 && rng.random_range(0..50) == 0;
+            let wrong_ns = i64::from(rng.random_range(15_000_000..80_000_000_u32));
+            let stamped_ns = offset_ns + if is_wrong { wrong_ns } else { 0 };
+            let sample = exchange(&mut clock, at_ms(step * 100), 200_000, back_ns, stamped_ns);
+            assert_eq!(sample == ClockSample::Outlier, is_wrong, "seed {seed}, step {step}");
+            n_outliers += i32::from(is_wrong);
+            if step >= 100 {
+                let boot_ns = at_ms(step * 100).nanos() - offset_ns;
+                worst_ns = worst_ns.max(offset_error_ns(&clock, boot_ns, offset_ns).abs());
+            }
+        }
+        assert!(n_outliers > 2, "seed {seed}: {n_outliers} outliers");
+        worst_ns
+    }
+
+    #[test]
+    fn a_busy_link_and_wrong_stamps_leave_a_quarter_of_a_millisecond() {
+        // The usual answers come back 0.13 to 0.4 ms late, so their offset is off by 0.13 ms in the
+        // mean; the waiting ones, up to 4.5 ms off, must hardly count, the wrong ones not at all.
+        for seed in 0..10 {
+            let worst_ns = worst_error_with_outliers_ns(seed);
+            assert!(worst_ns < 250_000, "seed {seed}: {worst_ns} ns");
+        }
+    }
+
     #[test]
     fn slow_and_unasked_answers_are_refused() {
         let mut clock = AutopilotClock::default();

@@ -112,9 +112,12 @@ pub(super) fn advance(
     }
     state.position_m += (state.velocity_mps + accel * (0.5 * step_s)) * step_s;
     state.velocity_mps += accel * step_s;
+    let before = state.attitude;
     turn(settings, state, &load.torque_nm, step_s);
+    // The force is constant in the hall over the step, and felt in the attitudes on the way.
+    let middle = before.nlerp(&state.attitude, 0.5);
     Step {
-        specific_force_mps2: state.attitude.inverse() * (accel - gravity),
+        specific_force_mps2: middle.inverse() * (accel - gravity),
         impact_mps: None,
         is_on_ground: false,
     }

@@ -11,8 +11,10 @@ use mavlink::dialects::ardupilotmega::{
 };
 use std::time::Duration;
 
-/// A sample's stamp further than this from its arrival is no stamp.
-const MAX_STAMP_DISTANCE: Duration = Duration::from_secs(1);
+/// A sample's stamp further than this before its arrival is no stamp.
+const MAX_STAMP_AGE: Duration = Duration::from_secs(1);
+/// Nothing is measured after it arrived; this much is left to the comparison of clocks.
+const MAX_STAMP_AHEAD: Duration = Duration::from_millis(20);
 /// An attitude older than this does not belong to a position.
 const MAX_ATTITUDE_AGE: Duration = Duration::from_millis(250);
 
@@ -78,8 +80,8 @@ impl Session {
             self.stats.unsynced_samples += 1;
             return None;
         };
-        let distance = at.since(arrived).max(arrived.since(at));
-        if distance > MAX_STAMP_DISTANCE {
+        // A clock that has jumped ahead would put the filter where it refuses what follows.
+        if at.since(arrived) > MAX_STAMP_AHEAD || arrived.since(at) > MAX_STAMP_AGE {
             self.stats.refused_values += 1;
             return None;
         }
@@ -121,6 +123,8 @@ impl Session {
             ClockSample::Reset => {
                 self.stats.timesync_refused += 1;
                 self.stats.timesync_resets += 1;
+                // Perhaps a reboot behind a silent link; then its streams are forgotten too.
+                self.streams.forget();
             }
         }
     }

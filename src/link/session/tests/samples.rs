@@ -114,6 +114,51 @@ fn a_reboot_of_the_autopilot_starts_clock_and_streams_anew() {
 }
 
 #[test]
+fn a_clock_that_jumps_ahead_puts_no_sample_into_the_future() {
+    let mut scene = Scene::synced();
+    let jumped = |ms: i64| {
+        let mut sample = highres_imu(at_ms(ms));
+        sample.time_usec += 300_000;
+        MavMessage::HIGHRES_IMU(sample)
+    };
+    // Its clock is 0.3 s further than a moment ago: the stamps lie after the arrival.
+    for ms in [1_010, 1_020, 1_030] {
+        scene.hears(AUTOPILOT, jumped(ms), ms + 2);
+    }
+    assert!(scene.told().is_empty());
+    assert_eq!(scene.session.stats().refused_values, 3);
+    // Five answers that disagree, then five that agree, and the new offset is known.
+    scene.sync(1_100, -300_000_000);
+    assert_eq!(scene.session.stats().timesync_resets, 1);
+    scene.hears(AUTOPILOT, jumped(2_100), 2_102);
+    let told = scene.told();
+    let [Event::Imu(sample)] = told.as_slice() else { panic!("{told:?}") };
+    assert!(sample.at.nanos_since(at_ms(2_100)).abs() < 2_000, "{:?}", sample.at);
+}
+
+#[test]
+fn a_reboot_behind_a_silent_link_is_found_by_the_answers() {
+    let mut scene = Scene::synced();
+    // It has been up for longer than the last time when it is heard again, so its clock has not
+    // fallen: only the answers tell, 8 s apart from what they were.
+    let requests_before = scene.session.stats().stream_requests;
+    let shift_ns = 8_000_000_000;
+    scene.hears(AUTOPILOT, heartbeat(0x1d, 0x0304_0000), 59_990);
+    scene.out.clear();
+    scene.sync(60_000, shift_ns);
+    let stats = scene.session.stats();
+    assert_eq!((stats.autopilot_reboots, stats.timesync_resets), (0, 1));
+    assert!(stats.stream_requests > requests_before, "its streams are asked for again");
+    scene.sync(61_000, shift_ns);
+    let mut sample = highres_imu(at_ms(62_000));
+    sample.time_usec -= 8_000_000;
+    scene.hears(AUTOPILOT, MavMessage::HIGHRES_IMU(sample), 62_003);
+    let told = scene.told();
+    let [Event::Imu(sample)] = told.as_slice() else { panic!("{told:?}") };
+    assert!(sample.at.nanos_since(at_ms(62_000)).abs() < 2_000, "{:?}", sample.at);
+}
+
+#[test]
 fn the_landed_state_is_told_at_each_change() {
     let mut scene = Scene::heard();
     let state = |landed_state| {
