@@ -5,11 +5,13 @@
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use nalgebra::{Matrix6, Vector3};
 use std::hint::black_box;
+use std::sync::Arc;
 use std::time::Duration;
 use stockpilot::geometry::{Body, Camera, Hall, Point, Rotation, Transform};
-use stockpilot::localization::camera_model::CameraModel;
+use stockpilot::localization::camera_model::{CameraModel, Lens};
 use stockpilot::localization::filter::{Covariance, FilterState, ImuNoise};
-use stockpilot::localization::ring::{Insertion, Ring};
+use stockpilot::localization::ring::{FrameInsertion, Insertion, Ring};
+use stockpilot::localization::tight_update::{Frame, Sighting, fuse};
 use stockpilot::localization::vision_fix::{PointFeature, Settings, solve};
 use stockpilot::messages::{FixOutcome, ImuSample};
 use stockpilot::time::{Mono, Stamp};
@@ -66,6 +68,7 @@ fn late_fix(c: &mut Criterion) {
         pose_cov: Matrix6::from_diagonal_element(1e-4),
         residual_rms_px: 0.3,
         q_pos: 40.0,
+        q_position: 50.0,
     };
     let mut once = full.clone();
     let inserted = once.insert_fix(exposed, fix.clone());
@@ -94,8 +97,8 @@ fn camera() -> CameraModel {
         fy_px: 640.0,
         cx_px: 640.0,
         cy_px: 400.0,
-        radial: [-0.1, 0.01],
-        tangential: [0.0005, -0.0003],
+        lens: Lens::radial_tangential([-0.1, 0.01], [0.0005, -0.0003]),
+        readout: Duration::ZERO,
         body_from_camera: Transform::new(
             Rotation::<Body, Camera>::from_euler_rad(-quarter, 0.0, -quarter),
             Point::new(0.1, 0.0, 0.02),
@@ -131,5 +134,68 @@ fn vision_fix(c: &mut Criterion) {
     }
 }
 
-criterion_group!(benches, propagation, late_fix, vision_fix);
+fn frame(features: &[PointFeature], camera: &CameraModel) -> Frame {
+    let sighting = |feature: &PointFeature| Sighting {
+        place: feature.place,
+        pixel: feature.pixel,
+        offset_s: 0.0,
+    };
+    Frame {
+        camera: Arc::new(camera.clone()),
+        points: features.iter().map(sighting).collect(),
+        corner_sigma_px: 0.4,
+        capture_sigma_s: 0.002,
+    }
+}
+
+fn tight(c: &mut Criterion) {
+    let (camera, mut start, rate) = (camera(), state(), Vector3::new(0.02, 0.1, -0.05));
+    start.P = Covariance::identity() * 1e-4;
+    let seen_from = start
+        .hall_from_body
+        .perturbed(&Vector3::new(0.01, -0.01, 0.005), &Vector3::new(0.002, 0.001, -0.003));
+    let frame = frame(&ten_tags(&camera, &seen_from), &camera);
+    let mut once = start.clone();
+    let (outcome, _) = fuse(&mut once, &rate, &frame);
+    assert!(outcome.is_fused && outcome.n_used == 40);
+    c.bench_function("tight_update_10_tags", |b| {
+        b.iter_batched_ref(
+            || start.clone(),
+            |state| fuse(state, &rate, black_box(&frame)),
+            BatchSize::SmallInput,
+        );
+    });
+}
+
+fn late_frames(c: &mut Criterion) {
+    let (full, camera) = (ring(), camera());
+    let frame_at = |step: i64| {
+        let pose = full.state_at(at(step)).expect("inside").hall_from_body;
+        frame(&ten_tags(&camera, &pose), &camera)
+    };
+    // Frames at 20 Hz; the one before the last comes 150 ms late, when three others are in.
+    let mut waiting = full.clone();
+    for step in [100, 110, 120, 130, 140, 150, 160, 180, 190, 200] {
+        waiting.insert_frame(at(step), frame_at(step), |_, _| None);
+    }
+    let late = frame_at(170);
+    let placed = waiting.clone().insert_frame(at(170), late.clone(), |_, _| None);
+    assert!(matches!(placed, FrameInsertion::Placed(placed) if placed.tight.is_fused));
+    c.bench_function("tight_frame_150_ms_late", |b| {
+        b.iter_batched_ref(
+            || {
+                let mut ring = waiting.clone();
+                ring.push_imu(imu(201));
+                (ring, late.clone())
+            },
+            |(ring, late)| ring.insert_frame(at(170), late.clone(), |_, _| None),
+            BatchSize::SmallInput,
+        );
+    });
+    c.bench_function("error_transition_100_ms", |b| {
+        b.iter(|| waiting.error_transition(black_box(at(175)), black_box(at(195))));
+    });
+}
+
+criterion_group!(benches, propagation, late_fix, vision_fix, tight, late_frames);
 criterion_main!(benches);

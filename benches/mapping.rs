@@ -3,16 +3,16 @@
 #![expect(clippy::expect_used, reason = "a bench stops where its premise fails")]
 
 use criterion::{BatchSize, BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use nalgebra::Matrix6;
+use nalgebra::{Matrix6, SMatrix, Vector3};
 use std::hint::black_box;
 use stockpilot::geometry::{Body, Hall, Point, Rotation, Transform};
 use stockpilot::mapping::kalman_grid::{self, KalmanGrid};
 use stockpilot::mapping::projection::LidarMount;
 use stockpilot::mapping::region::{Rect, Region};
 use stockpilot::mapping::sparse_gp::{Cut, Posterior, Settings};
-use stockpilot::mapping::{self, Mapper, VolumeVariance};
-use stockpilot::messages::{Beam, GridGeometry, Scan};
-use stockpilot::time::Stamp;
+use stockpilot::mapping::{self, Mapper, Method};
+use stockpilot::messages::{Beam, GridGeometry, PoseError, Scan};
+use stockpilot::time::{Mono, Stamp};
 
 const GP: Settings = Settings {
     smoothness_nu: 1.5,
@@ -23,9 +23,10 @@ const GP: Settings = Settings {
     cut: Cut::Taper,
 };
 
-fn mapper() -> Mapper {
+fn mapper(method: Method) -> Mapper {
     let bounds = Rect { x_min_m: 0.0, y_min_m: 0.0, x_max_m: 20.0, y_max_m: 20.0 };
     Mapper::new(mapping::Settings {
+        method,
         region: Region {
             bounds,
             exclusions: Vec::new(),
@@ -47,10 +48,8 @@ fn mapper() -> Mapper {
             max_range_m: 12.0,
             blind_sectors_rad: Vec::new(),
         },
-        kalman_grid: kalman_grid::Settings::default(),
-        gp: GP,
-        estimates_prior_height: true,
-        volume_variance: VolumeVariance::Full,
+        grid: mapping::grid_map::Settings::default(),
+        field: mapping::field_map::Settings::default(),
         max_position_sigma_m: 0.3,
     })
 }
@@ -71,25 +70,42 @@ fn scan() -> Scan {
     Scan { start: Stamp::ZERO, beams: (0..450).map(beam).collect() }
 }
 
+fn pose_error(at: Stamp<Mono>, _: Option<Stamp<Mono>>) -> Option<PoseError> {
+    Some(PoseError {
+        at,
+        cov: SMatrix::identity() * 4e-4,
+        from_previous: SMatrix::identity() * 0.9,
+        velocity_mps: Vector3::zeros(),
+        rate_radps: Vector3::zeros(),
+        tags: Vec::new(),
+    })
+}
+
 fn beams(c: &mut Criterion) {
-    let (scan, fresh) = (scan(), mapper());
+    let scan = scan();
     let pose = Transform::<Hall, Body>::new(
         Rotation::from_euler_rad(0.02, -0.03, 0.4),
         Point::new(10.0, 10.0, 7.0),
     );
     let pose_at = |_| Some((pose, Matrix6::from_diagonal_element(4e-4)));
-    let mut once = fresh.clone();
-    once.insert(&scan, pose_at);
-    assert_eq!(once.counts().used, 450);
     let mut group = c.benchmark_group("mapper");
     group.throughput(Throughput::Elements(450));
-    group.bench_function("insert_450_beams", |b| {
-        b.iter_batched_ref(
-            || fresh.clone(),
-            |mapper| mapper.insert(black_box(&scan), pose_at),
-            BatchSize::LargeInput,
-        );
-    });
+    for (name, method) in [
+        ("insert_450_beams", Method::KalmanGrid),
+        ("insert_450_beams_with_field", Method::MaternField),
+    ] {
+        let fresh = mapper(method);
+        let mut once = fresh.clone();
+        once.insert(&scan, pose_at, pose_error);
+        assert_eq!(once.counts().used, 450);
+        group.bench_function(name, |b| {
+            b.iter_batched_ref(
+                || fresh.clone(),
+                |mapper| mapper.insert(black_box(&scan), pose_at, pose_error),
+                BatchSize::LargeInput,
+            );
+        });
+    }
     group.finish();
 }
 

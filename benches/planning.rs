@@ -6,8 +6,9 @@ use criterion::{Criterion, criterion_group, criterion_main};
 use nalgebra::Vector3;
 use std::hint::black_box;
 use std::sync::Arc;
+use std::time::Duration;
 use stockpilot::geometry::{Body, Camera, Point, Rotation, Transform};
-use stockpilot::localization::camera_model::CameraModel;
+use stockpilot::localization::camera_model::{CameraModel, Lens};
 use stockpilot::localization::marker_map::MarkerMap;
 use stockpilot::mapping::kalman_grid::{self, KalmanGrid};
 use stockpilot::mapping::projection::LidarMount;
@@ -57,8 +58,8 @@ fn camera() -> CameraModel {
         fy_px: 640.0,
         cx_px: 640.0,
         cy_px: 400.0,
-        radial: [0.0; 2],
-        tangential: [0.0; 2],
+        lens: Lens::pinhole(),
+        readout: Duration::ZERO,
         body_from_camera: Transform::new(
             Rotation::<Body, Camera>::from_euler_rad(-quarter, 0.0, -quarter),
             Point::origin(),

@@ -84,6 +84,7 @@ fn ten_tags(at: Stamp<Mono>) -> TagDetections {
         received_at: at,
         camera: CameraId(0),
         tags: (0..10).map(tag).collect(),
+        points: Vec::new(),
     }
 }
 

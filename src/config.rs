@@ -16,8 +16,9 @@ mod load;
 pub use bays::{BaseSection, BaySection, ExclusionSection};
 pub use error::ConfigError;
 pub use file::{
-    CameraSection, Config, FilterSection, HallSection, LidarSection, LinkSection, LogSection,
-    MissionSection, MountSection, PlannerName, PlanningSection, RectSection, SurfaceName,
-    SurfaceSection, TagSection, VarianceUpdateName, VolumeVarianceName,
+    CameraSection, Config, FieldSection, FilterSection, HallSection, LidarSection, LinkSection,
+    LogSection, MissionSection, MountSection, PlannerName, PlanningSection, RectSection,
+    SurfaceName, SurfaceSection, TagSection, UncertaintySection, VarianceUpdateName,
+    VolumeVarianceName,
 };
 pub use load::load;

@@ -11,9 +11,16 @@ pub mod camera_model;
 pub mod filter;
 pub mod marker_map;
 pub mod ring;
+pub mod tight_update;
 pub mod vision_fix;
 
+mod frozen;
+mod imu_clock;
 mod localizer;
 mod planar_pose;
+mod propagation;
+mod start;
+mod tag_health;
 
-pub use localizer::{Health, Localizer, Settings};
+pub use localizer::{Health, Localizer, Settings, Update};
+pub use start::PadPose;

@@ -1,21 +1,34 @@
 //! What the surface looks like, and how much lies under it.
 //!
-//! A beam becomes a hit point with a covariance ([`projection`]); hits update the cells of a grid
-//! ([`kalman_grid`]); a sparse Gaussian process over the cells gives the surface and the volume
-//! ([`sparse_gp`], [`volume`]). [`Mapper`] is the face of all this.
+//! A beam becomes a hit point with a covariance ([`projection`]). Two maps are kept of the hits:
+//!
+//! - the paper's: cells of a grid ([`kalman_grid`]) with a sparse Gaussian process over them
+//!   ([`sparse_gp`]), together [`grid_map`];
+//! - ours, the default: a Gauss–Markov field ([`matern_field`]) on the turns of the scanner
+//!   ([`footprint`], [`datum`]), whose volume carries the account of all error sources
+//!   ([`budget`]), together [`field_map`].
+//!
+//! [`Mapper`] is the face of all this.
 //!
 //! Not done here: where the vehicle is (poses come in as arguments), and where to fly.
 
 pub mod base;
 pub mod bay;
+pub mod budget;
 pub mod change;
 pub mod clip;
+pub mod datum;
 pub mod density;
+pub mod field_map;
+pub mod footprint;
+pub mod grid_map;
 pub mod kalman_grid;
+pub mod matern_field;
 pub mod matern_kernel;
 pub mod polygon;
 pub mod projection;
 pub mod region;
+pub mod shares;
 pub mod sparse_cholesky;
 pub mod sparse_gp;
 pub mod statement;
@@ -26,4 +39,5 @@ pub mod volume;
 mod mapper;
 mod rect;
 
-pub use mapper::{Mapper, PoseWithCov, Settings, SolveSurface, SolvedSurface, VolumeVariance};
+pub use grid_map::VolumeVariance;
+pub use mapper::{Mapper, Method, PoseWithCov, Settings, SolveError, SolveSurface, SolvedSurface};

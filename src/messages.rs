@@ -11,10 +11,12 @@ mod setpoint;
 mod vehicle;
 
 pub use budget::{BudgetRow, BudgetSource, SharedSensitivity, VolumeBudget};
-pub use camera::{CameraId, TagDetection, TagDetections, TagFamily};
+pub use camera::{CameraId, PointDetection, TagDetection, TagDetections, TagFamily};
 pub use imu::ImuSample;
-pub use map::{GridGeometry, HeightMap, HitCounts, VolumeEstimate};
-pub use nav::{FixOutcome, FixRecord, NavEstimate, PoseError, TagSensitivity, Verdict, state};
+pub use map::{GridGeometry, HeightMap, HitCounts, VolumeAccount, VolumeEstimate, VolumeShares};
+pub use nav::{
+    FixOutcome, FixRecord, FixSource, NavEstimate, PoseError, TagSensitivity, Verdict, state,
+};
 pub use operator::{
     OperatorAnswer, OperatorCommand, OperatorRequest, OperatorVerb, Severity, StatusText,
 };

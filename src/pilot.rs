@@ -19,10 +19,10 @@ pub use event::{Action, Event, FlightSummary, JobId, PhaseChange, VolumeReport};
 pub use job::{Job, JobOutput};
 
 use crate::localization::{self, Health, Localizer};
-use crate::mapping::{self, Mapper, SolvedSurface};
+use crate::mapping::{self, Mapper, SolveError, SolvedSurface};
 use crate::messages::{
     BatterySample, NavEstimate, OperatorAnswer, OperatorCommand, Scan, Severity, StatusText,
-    VehicleState, VolumeEstimate,
+    VehicleState, VolumeAccount,
 };
 use crate::mission::{self, Effect, Inputs, Mission, Phase};
 use crate::planning;
@@ -30,6 +30,7 @@ use crate::planning::Waypoint;
 use crate::planning::free_space::FreeSpace;
 use crate::time::{Mono, Stamp};
 use crate::units::wrapped_rad;
+use intake::FrameWatch;
 use nalgebra::Vector3;
 use route::Route;
 use std::collections::VecDeque;
@@ -59,7 +60,7 @@ pub struct Settings {
 const LIDAR_SILENT_AFTER: Duration = Duration::from_secs(2);
 /// An older battery message says nothing; PX4 sends one every two seconds.
 const BATTERY_OLD_AFTER: Duration = Duration::from_secs(10);
-/// Scans wait at most this long for the pose at their end.
+/// Scans wait at most this long for the pose at their end, and for the frames that shape it.
 const SCAN_PATIENCE: Duration = Duration::from_millis(300);
 /// The end of a trajectory counts as reached within this distance, m.
 const AT_TARGET_M: f64 = 0.3;
@@ -78,10 +79,12 @@ pub struct Pilot {
     is_autopilot_lost: bool,
     battery: Option<BatterySample>,
     last_beam_at: Option<Stamp<Mono>>,
-    /// Scans whose end the filter has not reached yet.
+    /// Scans whose pose can still change: see [`Self::map_waiting_scans`].
     waiting_scans: VecDeque<Scan>,
+    frames: FrameWatch,
     jobs: Jobs,
-    volume: Option<VolumeEstimate>,
+    /// The newest volumes: of the whole region, then of its bays.
+    accounts: Vec<VolumeAccount>,
     last_report_at: Stamp<Mono>,
     /// Where the flight began; the return leads here.
     home: Option<Waypoint>,
@@ -132,6 +135,7 @@ impl Pilot {
             mapper: Mapper::new(settings.mapping.clone()),
             mission: Mission::new(settings.mission),
             route: Route::new(settings.planning.clone(), free_space),
+            frames: FrameWatch::new(settings.localization.cameras.len()),
             settings,
             now: Stamp::ZERO,
             n_ticks: 0,
@@ -141,7 +145,7 @@ impl Pilot {
             last_beam_at: None,
             waiting_scans: VecDeque::new(),
             jobs: Jobs::default(),
-            volume: None,
+            accounts: Vec::new(),
             last_report_at: Stamp::ZERO,
             home: None,
             flown: FlownPath::default(),
@@ -156,6 +160,7 @@ impl Pilot {
             Event::Imu(imu) => {
                 if intake::believes_imu(&imu, self.now) {
                     self.localizer.on_imu(imu);
+                    self.tell_of_localizer(actions);
                     self.map_waiting_scans();
                 }
             }
@@ -171,11 +176,15 @@ impl Pilot {
             Event::TagsSeen(frame) => {
                 let refusal = intake::refusal_of_frame(&frame, self.now);
                 let record = refusal.unwrap_or_else(|| self.localizer.on_tags(&frame));
+                self.frames.note(&frame, record.verdict);
                 actions.push(Action::FixTreated(Box::new(record)));
+                self.tell_of_localizer(actions);
+                self.map_waiting_scans();
             }
             Event::Vehicle(vehicle) => {
                 self.vehicle = Some(vehicle);
                 self.is_autopilot_lost = false;
+                self.localizer.set_on_ground(intake::is_on_ground(&vehicle));
                 // The pilot's switch must not wait for the next tick.
                 self.run_mission(actions);
             }
@@ -194,6 +203,7 @@ impl Pilot {
                     say(actions, Severity::Error, "no heartbeat of the autopilot".to_owned());
                 }
                 self.is_autopilot_lost = true;
+                self.localizer.set_on_ground(false);
             }
             Event::Finished { id, output, .. } => self.on_finished(id, *output, actions),
         }
@@ -225,6 +235,12 @@ impl Pilot {
             self.last_report_at = now;
             self.report(false, actions);
         }
+    }
+
+    fn tell_of_localizer(&mut self, actions: &mut Vec<Action>) {
+        let records = self.localizer.take_records().into_iter();
+        actions.extend(records.map(|record| Action::FixTreated(Box::new(record))));
+        actions.extend(self.localizer.take_notices().into_iter().map(Action::Say));
     }
 
     fn on_operator(&mut self, command: OperatorCommand, actions: &mut Vec<Action>) {
@@ -306,7 +322,7 @@ impl Pilot {
             Phase::Preflight => {
                 // The next flight measures anew: the material may have moved.
                 self.mapper.restart();
-                self.volume = None;
+                self.accounts.clear();
                 self.jobs.choice = None;
                 self.route.restart();
                 self.flown = FlownPath::default();
@@ -372,11 +388,17 @@ impl Pilot {
         self.localizer.estimate().filter(|estimate| is_good && estimate.is_finite())
     }
 
-    /// Maps the scans whose poses are known, and those for which no pose will come.
+    /// Maps the scans whose poses are known for good, and those for which no pose will come.
+    ///
+    /// A frame that was captured before the end of a scan and arrives later would move the pose
+    /// that the scan was mapped with. So a scan waits until every camera has delivered a frame
+    /// captured after its end: then the pose that the map used is the one that the chain of
+    /// [`crate::messages::PoseError`] describes.
     fn map_waiting_scans(&mut self) {
         while let Some(scan) = self.waiting_scans.front() {
             let end = scan.end();
-            let is_covered = self.localizer.newest_at().is_some_and(|newest| newest >= end);
+            let is_covered = self.localizer.newest_at().is_some_and(|newest| newest >= end)
+                && self.frames.have_passed(end);
             if !is_covered && self.now.since(end) <= SCAN_PATIENCE {
                 break;
             }
@@ -389,7 +411,12 @@ impl Pilot {
                 // Beams from the pad would count the same few cells for minutes.
                 self.mapper.count_on_ground(&scan);
             } else {
-                self.mapper.insert(&scan, |at| self.localizer.pose_at(at));
+                let localizer = &self.localizer;
+                self.mapper.insert(
+                    &scan,
+                    |at| localizer.pose_at(at),
+                    |at, previous| localizer.pose_error_at(at, previous),
+                );
             }
         }
     }
@@ -462,14 +489,12 @@ impl Pilot {
         }
     }
 
-    fn on_solved(
-        &mut self,
-        solved: Result<SolvedSurface, mapping::sparse_gp::GpError>,
-        actions: &mut Vec<Action>,
-    ) {
+    fn on_solved(&mut self, solved: Result<SolvedSurface, SolveError>, actions: &mut Vec<Action>) {
         match solved {
             Ok(solved) => {
-                self.volume = Some(solved.volume);
+                self.mapper.absorb(&solved);
+                self.accounts.clone_from(&solved.accounts);
+                actions.push(Action::VolumesAccounted(solved.accounts));
                 actions.push(Action::SurfaceSolved(Box::new(solved.surface)));
             }
             Err(error) => say(actions, Severity::Error, format!("no surface: {error}")),
@@ -483,11 +508,14 @@ impl Pilot {
             return;
         }
         if let Some(ending) = self.ending.take() {
-            let volume = *self.volume.get_or_insert_with(|| self.mapper.cell_volume(self.now));
+            if self.accounts.is_empty() {
+                self.accounts = self.mapper.cell_volumes(self.now);
+            }
             self.report(true, actions);
             actions.push(Action::Ended(Box::new(FlightSummary {
                 at: self.now,
-                volume,
+                volume: self.accounts[0].estimate,
+                accounts: self.accounts.clone(),
                 hits: self.mapper.counts(),
                 steps_done: ending.steps_done,
                 path_length_m: ending.path_length_m,
@@ -497,7 +525,7 @@ impl Pilot {
     }
 
     fn report(&self, is_final: bool, actions: &mut Vec<Action>) {
-        let Some(estimate) = self.volume else { return };
+        let Some(estimate) = self.accounts.first().map(|account| account.estimate) else { return };
         actions.push(Action::ReportVolume(VolumeReport {
             estimate,
             hits: self.mapper.counts(),

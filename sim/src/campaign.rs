@@ -108,6 +108,7 @@ pub fn run(
         // Nothing lies between sensor and brain here that could lose one.
         beams_dropped: 0,
         wall_time: began.elapsed(),
+        load: None,
     };
     Ok(RunReport::new(scenario, &flight.rig, &measured, None))
 }
@@ -126,12 +127,7 @@ impl DirectFlight {
     pub fn new(scenario: &Scenario) -> Result<Self, ConfigError> {
         let config = config(scenario, Devices::none());
         Ok(Self {
-            rig: Rig::new(
-                scenario.world.clone(),
-                scenario.lidar.model(),
-                scenario.camera.clone(),
-                scenario.seed,
-            ),
+            rig: scenario.rig(),
             faults: SensorFaults::default(),
             operator: Operator::default(),
             session: Session::new(config.link_settings()?),
@@ -154,8 +150,8 @@ impl DirectFlight {
 
     /// What the flight came to, once it has ended.
     #[must_use]
-    pub const fn summary(&self) -> Option<FlightSummary> {
-        self.summary
+    pub const fn summary(&self) -> Option<&FlightSummary> {
+        self.summary.as_ref()
     }
 
     /// What the brain has said to the ground station.

@@ -7,6 +7,7 @@
 use crate::hall::{Devices, config};
 use crate::judge::PoseJudge;
 use crate::lidar::{LineFaults, PtyLidar};
+use crate::load::LoadMeter;
 use crate::operator::Operator;
 use crate::report::{Measured, RunReport};
 use crate::rig::Rig;
@@ -53,6 +54,7 @@ const PROGRESS_EVERY: Duration = Duration::from_millis(250);
 /// # Errors
 /// A device that cannot be had, a service that does not start, or a flight without an end.
 pub fn run(scenario: &Scenario, options: &FlyOptions) -> anyhow::Result<RunReport> {
+    let meter = LoadMeter::start();
     let runtime = tokio::runtime::Runtime::new().context("cannot start the runtime")?;
     let (clock, driver) = Clock::driven();
     let mut devices = EmulatedDevices::open(scenario)?;
@@ -64,12 +66,7 @@ pub fn run(scenario: &Scenario, options: &FlyOptions) -> anyhow::Result<RunRepor
     devices.connect(&onboard)?;
     let log = onboard.log().to_owned();
     let mut flight = Flight {
-        rig: Rig::new(
-            scenario.world.clone(),
-            scenario.lidar.model(),
-            scenario.camera.clone(),
-            scenario.seed,
-        ),
+        rig: scenario.rig(),
         operator: Operator::default(),
         poses: PoseJudge::default(),
         devices,
@@ -77,6 +74,7 @@ pub fn run(scenario: &Scenario, options: &FlyOptions) -> anyhow::Result<RunRepor
         pace: Pace::new(options.speed),
     };
     let outcome = flight.fly(&onboard, options);
+    let load = meter.read(flight.rig.now().since(Stamp::ZERO));
     let (beams_sent, beams_dropped) = flight.beams_sent_and_dropped(&onboard);
     onboard.stop();
     runtime.block_on(join_driven(onboard, &flight.driver))?;
@@ -87,6 +85,7 @@ pub fn run(scenario: &Scenario, options: &FlyOptions) -> anyhow::Result<RunRepor
         beams_sent,
         beams_dropped,
         wall_time: flight.pace.began.elapsed(),
+        load: Some(load),
     };
     Ok(RunReport::new(scenario, &flight.rig, &measured, Some(log)))
 }
@@ -234,7 +233,7 @@ impl Flight {
         while self.rig.now() < limit {
             self.step()?;
             self.pace.wait_for_brain(self.rig.now(), onboard);
-            if let Some(summary) = status.borrow().flight {
+            if let Some(summary) = status.borrow().flight.clone() {
                 return Ok(summary);
             }
             if options.shows_progress && self.rig.now() >= next_progress {

@@ -1,13 +1,16 @@
 //! The service's configuration for a simulated hall: what an integrator would write down.
 
+use crate::calibration::CalibrationErrors;
+use crate::calibration::CalibrationSigmas;
 use crate::camera::CameraModel;
 use crate::lidar::LidarModel;
-use crate::scenario::Scenario;
+use crate::scenario::{Scenario, Variance};
 use crate::world::{Region, World};
 use std::path::PathBuf;
 use stockpilot::config::{
     CameraSection, Config, FilterSection, HallSection, LidarSection, LinkSection, LogSection,
     MissionSection, MountSection, PlanningSection, RectSection, SurfaceSection, TagSection,
+    UncertaintySection,
 };
 use stockpilot::geometry::{Body, Camera, Frame, Rotation, Transform};
 
@@ -40,31 +43,55 @@ impl Devices {
 /// No pile of the worlds is higher, m; the relief is 4 m at most.
 const MAX_PILE_HEIGHT_M: f64 = 5.0;
 
-/// The configuration that describes this scenario truly.
+/// The configuration of this scenario: true where an integrator can know the truth, nominal where
+/// the run draws errors.
 #[must_use]
 pub fn config(scenario: &Scenario, devices: Devices) -> Config {
     let world = &scenario.world;
+    let conditions = &scenario.conditions;
+    let (filter, surface) = (FilterSection::default(), SurfaceSection::default());
+    let planning = PlanningSection::default();
     Config {
         hall: hall(world),
         link: LinkSection { address: devices.link, ..LinkSection::default() },
         lidar: lidar(scenario.lidar.name(), &scenario.lidar.model(), devices.lidar_port),
-        filter: FilterSection::default(),
+        filter: FilterSection {
+            corner_sigma_px: filter.corner_sigma_px * conditions.marker_noise,
+            ..filter
+        },
         surface: SurfaceSection {
             method: scenario.surface.config_name(),
-            ..SurfaceSection::default()
+            slope_sigma: surface.slope_sigma * conditions.steepness,
+            volume_variance: scenario
+                .variance
+                .map_or(surface.volume_variance, Variance::config_name),
+            uncertainty: uncertainty(&conditions.sigmas),
+            ..surface
         },
         planning: PlanningSection {
             planner: scenario.planner.config_name(),
             n_steps: scenario.n_steps,
-            ..PlanningSection::default()
+            max_speed_mps: conditions.cruise_mps.unwrap_or(planning.max_speed_mps),
+            ..planning
         },
         mission: MissionSection::default(),
         log: LogSection { directory: devices.log_directory },
         detections: devices.detections,
         cameras: vec![camera(&scenario.camera)],
-        tags: tags(world),
+        tags: tags(world, &conditions.errors),
         bays: Vec::new(),
         exclusions: Vec::new(),
+    }
+}
+
+const fn uncertainty(sigmas: &CalibrationSigmas) -> UncertaintySection {
+    UncertaintySection {
+        range_bias_sigma_m: sigmas.range_bias_sigma_m,
+        range_scale_sigma: sigmas.range_scale_sigma,
+        mount_position_sigma_m: sigmas.mount_position_sigma_m,
+        mount_rotation_sigma_deg: sigmas.mount_rotation_sigma_deg,
+        clock_offset_sigma_ms: sigmas.clock_offset_sigma_ms,
+        marker_sigma_m: sigmas.marker_sigma_m,
     }
 }
 
@@ -145,14 +172,16 @@ fn mount<F: Frame>(body_from_sensor: &Transform<Body, F>) -> MountSection {
     }
 }
 
-fn tags(world: &World) -> Vec<TagSection> {
+/// The map of the markers, as wrong as it was measured.
+fn tags(world: &World, errors: &CalibrationErrors) -> Vec<TagSection> {
     world
         .tags
         .iter()
-        .map(|tag| TagSection {
+        .enumerate()
+        .map(|(i, tag)| TagSection {
             family: tag.family.name().to_owned(),
             id: tag.id,
-            corners_m: tag.corners.map(|corner| corner.coords.into()),
+            corners_m: errors.mapped_corners(i, tag).map(|corner| corner.coords.into()),
         })
         .collect()
 }
@@ -160,7 +189,7 @@ fn tags(world: &World) -> Vec<TagSection> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scenario::{Lidar, Planner, Surface};
+    use crate::scenario::{Conditions, Lidar, Planner, Surface};
     use nalgebra::Vector3;
 
     #[test]
@@ -169,10 +198,12 @@ mod tests {
             world: World::piles(0).expect("a world"),
             planner: Planner::Greedy,
             surface: Surface::KalmanGrid,
+            variance: None,
             lidar: Lidar::Ld19,
             camera: CameraModel::ahead(),
             n_steps: 50,
             seed: 0,
+            conditions: Conditions::default(),
         };
         let settings = config(&scenario, Devices::none()).pilot_settings().expect("valid");
         let camera = &settings.localization.cameras[0];

@@ -5,13 +5,18 @@
 //! with what it judges. [`campaign`] feeds the brain directly, [`fly`] flies the real service.
 
 pub mod autopilot;
+pub mod calibration;
 pub mod camera;
 pub mod campaign;
 pub mod fly;
 pub mod hall;
+pub mod hazards;
 pub mod judge;
 pub mod lidar;
+pub mod load;
+pub mod machine;
 pub mod operator;
+pub mod parallel;
 pub mod raycast;
 pub mod report;
 pub mod rig;

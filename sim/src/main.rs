@@ -1,6 +1,7 @@
 //! Flies stockpilot without hardware.
 
 use clap::{Args, Parser, Subcommand};
+use std::num::NonZeroUsize;
 use std::ops::Range;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -9,6 +10,7 @@ use stockpilot::pilot::Action;
 use stockpilot::time::{Mono, Stamp};
 use stockpilot_sim::campaign::{self, Witnessed};
 use stockpilot_sim::fly::{self, FlyOptions};
+use stockpilot_sim::parallel::{n_cores, run_in_order};
 use stockpilot_sim::report::{CampaignReport, RunReport};
 use stockpilot_sim::scenario::ScenarioArgs;
 
@@ -35,6 +37,9 @@ struct CampaignArgs {
     /// Seeds, first to last plus one.
     #[arg(long, default_value = "0..20", value_parser = seeds)]
     seeds: Range<u64>,
+    /// Flights at once; as many as there are cores if left out. Results do not depend on it.
+    #[arg(long)]
+    jobs: Option<NonZeroUsize>,
     /// Print one JSON object instead of a table.
     #[arg(long)]
     json: bool,
@@ -118,6 +123,13 @@ fn print_run(run: &RunReport) {
         "beams    {} sent, {} mapped, {} dropped",
         run.beams_sent, run.beams, run.beams_dropped
     );
+    if let Some(load) = &run.load {
+        println!(
+            "service  {:.1} % of one core at real time, with the simulator {:.0} MiB at most",
+            100.0 * load.core_share,
+            load.resident_peak_mib,
+        );
+    }
     if let Some(log) = &run.log {
         println!("log      {}", log.display());
     }
@@ -138,44 +150,67 @@ fn trace(at: Stamp<Mono>, action: &Action) {
     }
 }
 
-#[expect(clippy::print_stdout, clippy::print_stderr, reason = "the program's output")]
+#[expect(clippy::print_stdout, reason = "the program's output")]
 fn run_campaign(args: &CampaignArgs) -> anyhow::Result<ExitCode> {
-    let mut runs = Vec::new();
-    for seed in args.seeds.clone() {
-        let run = campaign::run(&args.scenario.scenario(seed)?, |at, seen| {
+    // Traces of several flights at once could not be told apart.
+    let n_jobs = if args.trace { NonZeroUsize::MIN } else { args.jobs.unwrap_or_else(n_cores) };
+    let fly = |seed| -> anyhow::Result<RunReport> {
+        let scenario = args.scenario.scenario(seed)?;
+        let run = campaign::run(&scenario, |at, seen| {
             if let (true, Witnessed::Action(action)) = (args.trace, seen) {
                 trace(at, action);
             }
         })?;
-        eprintln!(
-            "seed {seed}: {:.1} ± {:.1} m³, truth {:.1} m³, error {:+.2} %, coverage {:.0} %, \
-             path {:.0} m, {:.0} s in {:.2} s, 3σ {:.1} %, rms {:.1} cm{}",
-            run.volume_m3,
-            2.0 * run.sigma_m3,
-            run.volume_true_m3,
-            100.0 * run.relative_error,
-            100.0 * run.coverage,
-            run.path_length_m,
-            run.sim_time_s,
-            run.wall_time_s,
-            100.0 * run.position_within_3_sigma,
-            100.0 * run.position_rms_m,
-            if run.collided { ", COLLIDED" } else { "" },
-        );
-        runs.push(run);
-    }
-    let report = CampaignReport::new(runs);
+        Ok(run)
+    };
+    let report =
+        CampaignReport::new(run_in_order(args.seeds.clone(), n_jobs, fly, print_progress)?);
     if args.json {
         println!("{}", serde_json::to_string(&report)?);
     } else {
-        println!(
-            "{} runs: 95 % coverage {:.2}, rms z {:.2}, rms error {:.2} %, {:.0} × real time",
-            report.runs.len(),
-            report.coverage_95,
-            report.rms_z,
-            100.0 * report.rms_relative_error,
-            report.realtime_factor,
-        );
+        print_campaign(&report);
     }
     Ok(ExitCode::SUCCESS)
+}
+
+#[expect(clippy::print_stderr, reason = "the program's output")]
+fn print_progress(run: &RunReport) {
+    eprintln!(
+        "seed {}: {:.1} ± {:.1} m³, truth {:.1} m³, error {:+.2} %, coverage {:.0} %, \
+         path {:.0} m, {:.0} s in {:.2} s, 3σ {:.1} %, rms {:.1} cm{}",
+        run.seed,
+        run.volume_m3,
+        2.0 * run.sigma_m3,
+        run.volume_true_m3,
+        100.0 * run.relative_error,
+        100.0 * run.coverage,
+        run.path_length_m,
+        run.sim_time_s,
+        run.wall_time_s,
+        100.0 * run.position_within_3_sigma,
+        100.0 * run.position_rms_m,
+        if run.collided { ", COLLIDED" } else { "" },
+    );
+}
+
+#[expect(clippy::print_stdout, reason = "the program's output")]
+fn print_campaign(report: &CampaignReport) {
+    println!(
+        "{} runs: 95 % coverage {:.2}, rms z {:.2}, rms error {:.2} %, bias {:+.2} %, \
+         mean σ/V {:.2} %, {:.0} × real time",
+        report.runs.len(),
+        report.coverage_95,
+        report.rms_z,
+        100.0 * report.rms_relative_error,
+        100.0 * report.bias,
+        100.0 * report.mean_sigma_over_volume,
+        report.realtime_factor,
+    );
+    if let Some(worst) = report.worst {
+        let percent = 100.0 * worst.relative_error;
+        println!("worst: seed {}, error {percent:+.2} %, z {:+.1}", worst.seed, worst.z);
+    }
+    for (source, share) in &report.budget {
+        println!("{:5.1} %  {source}", 100.0 * share);
+    }
 }

@@ -1,8 +1,9 @@
 //! Where a beam ends in the true hall.
 //!
-//! One cast asks, in this order: where the beam leaves the hall's box, which inside wall is in
-//! front of that, and where it meets the material in front of both. Each answer shortens the beam
-//! for the next question. Intersections are closed forms, so a hit is exact to rounding.
+//! One cast asks, in this order: where the beam leaves the hall's box (and, through an opening, where
+//! it meets the ground outside), which inside wall or guest is in front of that, and where it meets
+//! the material in front of all. Each answer shortens the beam for the next question. Intersections
+//! are closed forms, so a hit is exact to rounding.
 
 mod slab;
 mod terrain;
@@ -20,6 +21,12 @@ pub enum Surface {
     InsideWall,
     /// Floor, wall or ceiling of the hall.
     Hall,
+    /// Something that stands or drives in the hall for a while.
+    Guest,
+    /// The ground outside, through an opening of the hall.
+    Outside,
+    /// A grain in the air; no [`cast`] gives it.
+    Dust,
 }
 
 /// The end of a beam.
@@ -65,15 +72,37 @@ pub fn cast(
     max_range_m: f64,
 ) -> Option<RayHit> {
     let ray = Ray::new(origin, direction);
-    let mut nearest = slab::exit(&ray, &world.hall)?;
-    if let Some(hit) = inside_wall(world, &ray).filter(|hit| hit.is_before(&nearest)) {
-        nearest = hit;
+    let shell = slab::exit(&ray, &world.hall)?;
+    let mut nearest = if is_open(world, &ray, &shell) { outside(&ray) } else { Some(shell) };
+    let guests = world.guests.iter().filter_map(|guest| slab::entry(&ray, guest));
+    let guests = guests.map(|hit| RayHit { surface: Surface::Guest, ..hit });
+    for hit in inside_wall(world, &ray).into_iter().chain(guests) {
+        if nearest.is_none_or(|nearest| hit.is_before(&nearest)) {
+            nearest = Some(hit);
+        }
     }
-    let reach_m = nearest.distance_m.min(max_range_m);
-    if let Some(hit) = terrain::entry(&ray, &world.terrain, reach_m) {
-        nearest = hit;
+    // Material lies inside of the hall.
+    let reach_m = nearest.map_or(shell.distance_m, |hit| hit.distance_m).min(max_range_m);
+    if let Some(hit) = terrain::entry(&ray, &world.terrain, reach_m.min(shell.distance_m)) {
+        nearest = Some(hit);
     }
-    (nearest.distance_m <= max_range_m).then_some(nearest)
+    nearest.filter(|hit| hit.distance_m <= max_range_m)
+}
+
+/// True if the beam leaves the hall through an opening.
+fn is_open(world: &World, ray: &Ray, shell: &RayHit) -> bool {
+    if world.openings.is_empty() {
+        return false;
+    }
+    let exit_m = ray.at(shell.distance_m);
+    world.openings.iter().any(|opening| opening.distance_m(&exit_m) < 1e-6)
+}
+
+/// Where a beam from an opening meets the level ground outside; `None` towards the sky.
+fn outside(ray: &Ray) -> Option<RayHit> {
+    let distance_m = (crate::world::OUTSIDE_M - ray.origin_m.z) * ray.inverse.z;
+    let normal = Direction::new(0.0, 0.0, 1.0);
+    (ray.direction.z < 0.0).then_some(RayHit { distance_m, normal, surface: Surface::Outside })
 }
 
 impl RayHit {

@@ -3,6 +3,7 @@
 use crate::autopilot::{ParamTable, Sensors, StubPx4};
 use crate::camera::{CameraModel, CameraSimulator};
 use crate::lidar::{LidarModel, LidarSimulator, Packet, PoseTrack};
+use crate::machine::Machine;
 use crate::vehicle::{MotorCommands, Surroundings, Vehicle, VehicleSettings};
 use crate::world::World;
 use mavlink::MavHeader;
@@ -26,6 +27,7 @@ pub struct Rig {
     track: PoseTrack,
     lidar: LidarSimulator,
     camera: CameraSimulator,
+    machine: Option<Machine>,
     flown_m: f64,
 }
 
@@ -56,13 +58,25 @@ impl Rig {
             lidar: LidarSimulator::new(lidar, seeds, start),
             camera: CameraSimulator::new(camera, seeds, start),
             world,
+            machine: None,
             flown_m: 0.0,
         }
+    }
+
+    /// The same rig in a hall where a machine drives about.
+    #[must_use]
+    pub fn with_machine(mut self, machine: Machine) -> Self {
+        self.world.guests = machine.solids_at(self.now()).to_vec();
+        self.machine = Some(machine);
+        self
     }
 
     /// Moves on to the next inertial sample, 5 ms later.
     pub fn step(&mut self) -> RigOutput {
         let before = self.vehicle.hall_from_body().origin;
+        if let Some(machine) = &self.machine {
+            self.world.guests = machine.solids_at(self.vehicle.now()).to_vec();
+        }
         let world = &self.world;
         let surroundings = Surroundings {
             ground_height_m: &|x, y| world.height_at(x, y),
@@ -132,5 +146,9 @@ fn is_solid(world: &World, p: &Point<Hall>) -> bool {
     let is_outside = !hall.footprint().contains(x, y) || z > crate::world::CEILING_M;
     is_outside
         || z < world.height_at(x, y) - SKIN_M
-        || world.walls_inside.iter().any(|wall| wall.depth_m(&p.coords) > SKIN_M)
+        || world
+            .walls_inside
+            .iter()
+            .chain(&world.guests)
+            .any(|wall| wall.depth_m(&p.coords) > SKIN_M)
 }

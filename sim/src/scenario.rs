@@ -1,12 +1,17 @@
 //! What is flown: world, planner, sensors and seeds of one run.
 
+use crate::calibration::{CalibrationErrors, CalibrationSigmas, ErrorSource};
 use crate::camera::CameraModel;
+use crate::hazards::Hazards;
 use crate::lidar::LidarModel;
+use crate::machine::Machine;
+use crate::rig::Rig;
 use crate::world::{GridScale, World, WorldError};
-use anyhow::Context;
+use anyhow::{Context, ensure};
 use clap::{Args, ValueEnum};
 use std::path::Path;
-use stockpilot::config::{PlannerName, SurfaceName};
+use stockpilot::config::{PlannerName, SurfaceName, VolumeVarianceName};
+use stockpilot::stats::SeedBook;
 
 /// The options that `fly` and `campaign` share.
 #[derive(Debug, Clone, Args)]
@@ -24,14 +29,41 @@ pub struct ScenarioArgs {
     #[arg(long, default_value_t = 0.001)]
     pub scale_z: f64,
     /// How the surface is kept.
-    #[arg(long, value_enum, default_value_t = Surface::KalmanGrid)]
+    #[arg(long, value_enum, default_value_t = Surface::MaternField)]
     pub surface: Surface,
+    /// How the variances of the cells become the volume's; the service's own default if left out.
+    #[arg(long, value_enum)]
+    pub variance: Option<Variance>,
     /// The LiDAR: 4,500 or 21,600 samples/s.
     #[arg(long, value_enum, default_value_t = Lidar::Ld19)]
     pub lidar: Lidar,
     /// Waypoints of the survey.
     #[arg(long, default_value_t = 50)]
     pub steps: usize,
+    /// Largest speed of the survey, m/s; the service's own default if left out.
+    #[arg(long, value_name = "M_PER_S")]
+    pub cruise_mps: Option<f64>,
+    /// Each run draws errors of calibration from their σ, and the service is told these σ: of all
+    /// sources, or of those named after `=`.
+    #[arg(
+        long,
+        value_enum,
+        value_name = "SOURCES",
+        value_delimiter = ',',
+        num_args = 0..,
+        require_equals = true,
+        default_missing_value = "range,mount,clock,markers"
+    )]
+    pub draw_errors: Vec<ErrorSource>,
+    /// Slopes of alps and piles times this; the service is told of the slopes.
+    #[arg(long, value_name = "TIMES", default_value_t = 1.0)]
+    pub steepness: f64,
+    /// Noise of the markers' corners times this; the service is told of the noise.
+    #[arg(long, value_name = "TIMES", default_value_t = 1.0)]
+    pub marker_noise: f64,
+    /// What gets into the way of the beams.
+    #[command(flatten)]
+    pub hazards: Hazards,
 }
 
 /// Who chooses the waypoints.
@@ -48,6 +80,37 @@ pub enum Planner {
 pub enum Surface {
     /// The paper's height grid.
     KalmanGrid,
+    /// A Gauss–Markov field with the budget of all error sources.
+    MaternField,
+}
+
+/// How the variances of the cells become the volume's.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Variance {
+    /// Added, as printed in the paper.
+    Printed,
+    /// The variance of the sum.
+    Full,
+}
+
+impl Variance {
+    /// Its name in the configuration.
+    #[must_use]
+    pub const fn config_name(self) -> VolumeVarianceName {
+        match self {
+            Self::Printed => VolumeVarianceName::Printed,
+            Self::Full => VolumeVarianceName::Full,
+        }
+    }
+
+    /// Its name in results.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Printed => "printed",
+            Self::Full => "full",
+        }
+    }
 }
 
 /// Which LiDAR.
@@ -85,6 +148,7 @@ impl Surface {
     pub const fn config_name(self) -> SurfaceName {
         match self {
             Self::KalmanGrid => SurfaceName::KalmanGrid,
+            Self::MaternField => SurfaceName::MaternField,
         }
     }
 
@@ -93,6 +157,7 @@ impl Surface {
     pub const fn name(self) -> &'static str {
         match self {
             Self::KalmanGrid => "kalman-grid",
+            Self::MaternField => "matern-field",
         }
     }
 }
@@ -117,6 +182,36 @@ impl Lidar {
     }
 }
 
+/// How a run differs from a hall and a vehicle that are exactly as they should be.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Conditions {
+    /// σ of the errors of calibration, as the service is told; all 0 without errors.
+    pub sigmas: CalibrationSigmas,
+    /// The errors of this run.
+    pub errors: CalibrationErrors,
+    /// Slopes of the material over the usual ones.
+    pub steepness: f64,
+    /// Noise of the markers' corners over the usual one.
+    pub marker_noise: f64,
+    /// What gets into the way of the beams.
+    pub hazards: Hazards,
+    /// Largest speed of the survey, m/s; the service's own default if `None`.
+    pub cruise_mps: Option<f64>,
+}
+
+impl Default for Conditions {
+    fn default() -> Self {
+        Self {
+            sigmas: CalibrationSigmas::NONE,
+            errors: CalibrationErrors::default(),
+            steepness: 1.0,
+            marker_noise: 1.0,
+            hazards: Hazards::default(),
+            cruise_mps: None,
+        }
+    }
+}
+
 /// One run: the options with their world built.
 #[derive(Debug, Clone)]
 pub struct Scenario {
@@ -126,6 +221,8 @@ pub struct Scenario {
     pub planner: Planner,
     /// How the surface is kept.
     pub surface: Surface,
+    /// How the volume's variance is added up; the service's own default if `None`.
+    pub variance: Option<Variance>,
     /// Which LiDAR.
     pub lidar: Lidar,
     /// The camera.
@@ -134,30 +231,75 @@ pub struct Scenario {
     pub n_steps: usize,
     /// Seed of everything that is drawn.
     pub seed: u64,
+    /// What is unusual.
+    pub conditions: Conditions,
+}
+
+impl Scenario {
+    /// The true vehicle on its pad in the true hall.
+    #[must_use]
+    pub fn rig(&self) -> Rig {
+        let Conditions { errors, hazards, .. } = &self.conditions;
+        let lidar = hazards.applied_to(&errors.true_lidar(&self.lidar.model()));
+        let rig = Rig::new(self.world.clone(), lidar, self.camera.clone(), self.seed);
+        if hazards.has_machine {
+            rig.with_machine(Machine::drawn(&self.world, SeedBook::new(self.seed)))
+        } else {
+            rig
+        }
+    }
 }
 
 impl ScenarioArgs {
     /// The run with this seed.
     ///
     /// # Errors
-    /// A grid file that cannot be read or parsed.
+    /// A grid file that cannot be read or parsed, or a number that makes no sense.
     pub fn scenario(&self, seed: u64) -> anyhow::Result<Scenario> {
+        self.check()?;
+        let world = self.world(seed)?;
+        let mut camera = CameraModel::ahead();
+        camera.detector.pixel_sigma_px *= self.marker_noise;
         Ok(Scenario {
-            world: self.world(seed)?,
             planner: self.planner,
             surface: self.surface,
+            variance: self.variance,
             lidar: self.lidar,
-            camera: CameraModel::ahead(),
+            camera,
             n_steps: self.steps,
             seed,
+            conditions: self.conditions(&world, seed),
+            world,
         })
+    }
+
+    fn conditions(&self, world: &World, seed: u64) -> Conditions {
+        let sigmas = CalibrationSigmas::default().only(&self.draw_errors);
+        Conditions {
+            sigmas,
+            errors: CalibrationErrors::drawn(&sigmas, world.tags.len(), SeedBook::new(seed)),
+            steepness: self.steepness,
+            marker_noise: self.marker_noise,
+            hazards: self.hazards,
+            cruise_mps: self.cruise_mps,
+        }
+    }
+
+    fn check(&self) -> anyhow::Result<()> {
+        let is_generated = ["alps", "piles"].contains(&self.world.as_str());
+        let is_usual = (self.steepness - 1.0).abs() < f64::EPSILON;
+        ensure!((0.1..=4.0).contains(&self.steepness), "--steepness is 0.1 to 4");
+        ensure!(is_generated || is_usual, "--steepness is for alps and piles: use --scale-z");
+        ensure!((0.0..=20.0).contains(&self.marker_noise), "--marker-noise is 0 to 20");
+        ensure!((0.0..=1.0).contains(&self.hazards.dust_ratio), "--dust is a share from 0 to 1");
+        Ok(())
     }
 
     fn world(&self, seed: u64) -> anyhow::Result<World> {
         let named = |world: Result<World, WorldError>| world.context("cannot build the world");
-        match self.world.as_str() {
-            "alps" => named(World::alps(seed)),
-            "piles" => named(World::piles(seed)),
+        let world = match self.world.as_str() {
+            "alps" => named(World::steep_alps(seed, self.steepness)),
+            "piles" => named(World::steep_piles(seed, self.steepness)),
             path => {
                 let text = std::fs::read_to_string(path)
                     .with_context(|| format!("world {path:?} is not alps, piles or a file"))?;
@@ -166,6 +308,8 @@ impl ScenarioArgs {
                 World::from_esri_ascii(&name, &text, scale)
                     .with_context(|| format!("cannot build a world from {path}"))
             }
-        }
+        }?;
+        let has_gaps = self.hazards.has_gaps;
+        Ok(if has_gaps { world.with_gaps(SeedBook::new(seed)) } else { world })
     }
 }

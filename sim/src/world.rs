@@ -1,7 +1,8 @@
 //! The true hall: material, walls, markers and pad.
 //!
-//! Everything solid is one of four things: the hall's box (floor, walls, ceiling), the material
-//! ([`HeightField`], standing on the floor), the walls of the bays ([`Cuboid`]s), and nothing else.
+//! Everything solid is one of four things: the hall's box (floor, walls, ceiling; it may have
+//! openings), the material ([`HeightField`], standing on the floor), the walls of the bays
+//! ([`Cuboid`]s), and guests such as a machine that drives through ([`Cuboid`]s too).
 //! Rays, volumes and collisions are answered from these same solids, so a volume is the volume of
 //! the very surface that the LiDAR sees.
 //!
@@ -15,6 +16,7 @@
 //! ```
 
 mod alps;
+mod bay;
 mod error;
 mod esri;
 mod fractal;
@@ -23,6 +25,7 @@ mod piles;
 mod solids;
 mod tags;
 
+pub use bay::Bay;
 pub use error::WorldError;
 pub use esri::GridScale;
 pub use height_field::HeightField;
@@ -36,6 +39,8 @@ use stockpilot::stats::SeedBook;
 pub const AISLE_M: f64 = 2.0;
 /// Height of the ceiling over the floor, m.
 pub const CEILING_M: f64 = 10.0;
+/// Height of the level ground around the hall, m.
+pub const OUTSIDE_M: f64 = -1.5;
 
 /// Where the vehicle starts and lands.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -61,6 +66,12 @@ pub struct World {
     pub walls_inside: Vec<Cuboid>,
     /// The smallest box around `walls_inside`.
     pub(crate) walls_bounds: Option<Cuboid>,
+    /// What stands or drives in the hall now and is neither hall nor material, on the floor.
+    pub guests: Vec<Cuboid>,
+    /// Holes in the shell of the hall: flat boxes in its faces, through which beams leave.
+    pub openings: Vec<Cuboid>,
+    /// The places whose volume is of interest by itself.
+    pub bays: Vec<Bay>,
     /// The markers on the walls.
     pub tags: Vec<PlacedTag>,
     /// Where flights begin.
@@ -73,7 +84,16 @@ impl World {
     /// # Errors
     /// [`WorldError::BadField`] never in practice: the field is generated.
     pub fn alps(seed: u64) -> Result<Self, WorldError> {
-        let terrain = alps::terrain(SeedBook::new(seed))?;
+        Self::steep_alps(seed, 1.0)
+    }
+
+    /// The same relief as [`Self::alps`] with `steepness` times its slopes: everything is this much
+    /// narrower, so there is more of it.
+    ///
+    /// # Errors
+    /// [`WorldError::BadField`] for a steepness that is not above zero.
+    pub fn steep_alps(seed: u64, steepness: f64) -> Result<Self, WorldError> {
+        let terrain = alps::terrain(SeedBook::new(seed), steepness)?;
         Ok(Self::assemble("alps", terrain, Vec::new(), SeedBook::new(seed)))
     }
 
@@ -82,8 +102,18 @@ impl World {
     /// # Errors
     /// [`WorldError::BadField`] never in practice: the field is generated.
     pub fn piles(seed: u64) -> Result<Self, WorldError> {
-        let terrain = piles::terrain(SeedBook::new(seed))?;
-        Ok(Self::assemble("piles", terrain, piles::bay_walls(), SeedBook::new(seed)))
+        Self::steep_piles(seed, 1.0)
+    }
+
+    /// Heaps as in [`Self::piles`] with `steepness` times their slopes; they get narrower, and
+    /// where the walls or the border hold them, higher, up to the same limits.
+    ///
+    /// # Errors
+    /// [`WorldError::BadField`] for a steepness that is not above zero.
+    pub fn steep_piles(seed: u64, steepness: f64) -> Result<Self, WorldError> {
+        let terrain = piles::terrain(SeedBook::new(seed), steepness)?;
+        let world = Self::assemble("piles", terrain, piles::bay_walls(), SeedBook::new(seed));
+        Ok(Self { bays: piles::bays(), ..world })
     }
 
     /// The landscape of an ESRI ASCII grid, scaled, with its lowest point on the floor.
@@ -111,7 +141,19 @@ impl World {
         let pad = pad_beside(&region);
         let tags = tags::placed(&hall, &pad, &mut seeds.stream("world.tags"));
         let walls_bounds = Cuboid::around(&walls_inside);
-        Self { name: name.to_owned(), terrain, region, hall, walls_inside, walls_bounds, tags, pad }
+        Self {
+            name: name.to_owned(),
+            terrain,
+            region,
+            hall,
+            walls_inside,
+            walls_bounds,
+            guests: Vec::new(),
+            openings: Vec::new(),
+            bays: Vec::new(),
+            tags,
+            pad,
+        }
     }
 
     /// Height of the highest solid over the floor at (x, y): material or inside wall, m.
@@ -150,12 +192,53 @@ impl World {
         self.terrain.integral_m3(over) - self.walls_inside.iter().map(displaced).sum::<f64>()
     }
 
+    /// Volume of the material in a bay, m³, in the sense of [`Self::true_volume_m3`].
+    #[must_use]
+    pub fn bay_volume_m3(&self, bay: &Bay) -> f64 {
+        let outline_m = &bay.outline_m;
+        let displaced = |wall: &Cuboid| {
+            self.terrain.integral_below_within_m3(outline_m, &wall.footprint(), wall.max_m.z)
+        };
+        self.terrain.integral_within_m3(outline_m)
+            - self.walls_inside.iter().map(displaced).sum::<f64>()
+    }
+
+    /// The hall with a gate in its low-y wall and a skylight, both at drawn places; markers that
+    /// hung there are gone.
+    #[must_use]
+    pub fn with_gaps(mut self, seeds: SeedBook) -> Self {
+        const GATE_M: (f64, f64) = (4.0, 4.0);
+        const SKYLIGHT_M: (f64, f64) = (1.5, 6.0);
+        let mut noise = seeds.stream("world.gaps");
+        let region = &self.region;
+        // Away from the markers that are read from the pad.
+        let gate_x_m = region.x_min_m + noise.between(0.5, 0.8) * region.length_m();
+        let wall_m = self.hall.min_m.y;
+        let gate = Region::new(gate_x_m, wall_m, gate_x_m + GATE_M.0, wall_m);
+        let light_x_m = region.x_min_m + noise.between(0.1, 0.9) * region.length_m();
+        let light_y_m = region.y_min_m + noise.between(0.1, 0.6) * region.width_m();
+        let skylight =
+            Region::new(light_x_m, light_y_m, light_x_m + SKYLIGHT_M.0, light_y_m + SKYLIGHT_M.1);
+        let ceiling_m = self.hall.max_m.z;
+        self.openings =
+            vec![Cuboid::over(&gate, 0.0, GATE_M.1), Cuboid::over(&skylight, ceiling_m, ceiling_m)];
+        let (openings, tags) = (&self.openings, &mut self.tags);
+        tags.retain(|tag| {
+            let is_gone = |opening: &Cuboid| {
+                tag.corners.iter().any(|corner| opening.distance_m(&corner.coords) < 1e-6)
+            };
+            !openings.iter().any(is_gone)
+        });
+        self
+    }
+
     /// Distance from a point to the nearest solid, m: at most `reach_m`, and 0 inside a solid.
     ///
     /// Material counts by the nodes of its grid, so the answer is good to half a grid pitch.
     #[must_use]
     pub fn clearance_m(&self, p: &Point<Hall>, reach_m: f64) -> f64 {
-        let walls = self.walls_inside.iter().map(|wall| wall.distance_m(&p.coords));
+        let solids = self.walls_inside.iter().chain(&self.guests);
+        let walls = solids.map(|wall| wall.distance_m(&p.coords));
         let nearest_wall = walls.fold(reach_m, f64::min);
         let to_hall = self.hall.depth_m(&p.coords);
         let to_material = self.terrain.distance_m(&p.coords, reach_m);

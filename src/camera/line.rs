@@ -1,13 +1,15 @@
 //! One line of a detector.
 
 use super::MAX_LINE_BYTES;
-use crate::messages::{CameraId, TagDetection, TagDetections, TagFamily};
+use crate::messages::{CameraId, PointDetection, TagDetection, TagDetections, TagFamily};
 use crate::time::{Mono, Stamp};
 use serde::Deserialize;
 use std::time::Duration;
 
 /// More tags than this in one frame are not believed.
 const MAX_TAGS: usize = 256;
+/// More points than this in one frame are not believed.
+const MAX_POINTS: usize = 1024;
 /// Corners may lie this many image sizes outside the image.
 const MAX_IMAGE_SIZES: f64 = 10.0;
 /// A capture may be this far ahead of its arrival: the grain of the two clock readings.
@@ -68,6 +70,24 @@ pub enum Refusal {
         /// Row, px.
         v: f64,
     },
+    /// Too many points for one frame.
+    #[error("{got} points in a frame, at most {limit} are taken")]
+    TooManyPoints {
+        /// Points in the line.
+        got: usize,
+        /// The bound.
+        limit: usize,
+    },
+    /// A point is far outside the image.
+    #[error("point {id} at ({u}, {v}) px is too far outside the image")]
+    FarPoint {
+        /// The point.
+        id: u32,
+        /// Column, px.
+        u: f64,
+        /// Row, px.
+        v: f64,
+    },
     /// The capture lies in the future.
     #[error("capture is {ahead_s:.3} s ahead of its arrival, are both on the same clock?")]
     FromTheFuture {
@@ -90,6 +110,14 @@ struct FrameLine {
     #[serde(default)]
     camera: u8,
     tags: Vec<TagLine>,
+    #[serde(default)]
+    points: Vec<PointLine>,
+}
+
+#[derive(Deserialize)]
+struct PointLine {
+    id: u32,
+    pixel_px: [f64; 2],
 }
 
 #[derive(Deserialize)]
@@ -123,11 +151,20 @@ pub fn read_line(
     if frame.tags.len() > MAX_TAGS {
         return Err(Refusal::TooManyTags { got: frame.tags.len(), limit: MAX_TAGS });
     }
+    if frame.points.len() > MAX_POINTS {
+        return Err(Refusal::TooManyPoints { got: frame.points.len(), limit: MAX_POINTS });
+    }
     let captured_at = Stamp::from_nanos(frame.captured_at_ns);
     check_age(captured_at, received_at)?;
     let tags =
         frame.tags.into_iter().map(|tag| read_tag(tag, *size_px)).collect::<Result<_, _>>()?;
-    Ok(TagDetections { captured_at, received_at, camera: CameraId(frame.camera), tags })
+    let points = frame
+        .points
+        .into_iter()
+        .map(|point| read_point(&point, *size_px))
+        .collect::<Result<_, _>>()?;
+    let camera = CameraId(frame.camera);
+    Ok(TagDetections { captured_at, received_at, camera, tags, points })
 }
 
 fn check_age(captured_at: Stamp<Mono>, received_at: Stamp<Mono>) -> Result<(), Refusal> {
@@ -145,9 +182,8 @@ fn read_tag(tag: TagLine, size_px: [u32; 2]) -> Result<TagDetection, Refusal> {
     let Some(family) = TagFamily::from_name(&tag.family) else {
         return Err(Refusal::UnknownFamily { family: tag.family });
     };
-    let is_near = |at: f64, size: u32| at.abs() <= MAX_IMAGE_SIZES * f64::from(size);
     for [u, v] in tag.corners_px {
-        if !(is_near(u, size_px[0]) && is_near(v, size_px[1])) {
+        if !is_near([u, v], size_px) {
             return Err(Refusal::FarCorner { id: tag.id, u, v });
         }
     }
@@ -157,6 +193,19 @@ fn read_tag(tag: TagLine, size_px: [u32; 2]) -> Result<TagDetection, Refusal> {
         corners_px: tag.corners_px,
         decision_margin: tag.decision_margin,
     })
+}
+
+fn read_point(point: &PointLine, size_px: [u32; 2]) -> Result<PointDetection, Refusal> {
+    let [u, v] = point.pixel_px;
+    if !is_near([u, v], size_px) {
+        return Err(Refusal::FarPoint { id: point.id, u, v });
+    }
+    Ok(PointDetection { id: point.id, pixel_px: [u, v] })
+}
+
+fn is_near([u, v]: [f64; 2], [width_px, height_px]: [u32; 2]) -> bool {
+    let is_near = |at: f64, size: u32| at.abs() <= MAX_IMAGE_SIZES * f64::from(size);
+    is_near(u, width_px) && is_near(v, height_px)
 }
 
 #[cfg(test)]
@@ -204,6 +253,27 @@ mod tests {
         assert!(matches!(refusal_of("80.1", "1e999"), Refusal::Malformed { .. }));
         assert!(matches!(refusal_of("80.1}", "80.1"), Refusal::Malformed { .. }));
         assert!(matches!(refusal_of("\"id\":7", "\"id\":-7"), Refusal::Malformed { .. }));
+    }
+
+    #[test]
+    fn points_may_stand_beside_tags() {
+        let with = |points: &str| {
+            read(&GOOD.replace("\"tags\":", &format!("\"points\":{points},\"tags\":")))
+        };
+        let frame =
+            with(r#"[{"id":12,"pixel_px":[100.25,-3]},{"id":4,"pixel_px":[7,8]}]"#).unwrap();
+        let expected = [
+            PointDetection { id: 12, pixel_px: [100.25, -3.0] },
+            PointDetection { id: 4, pixel_px: [7.0, 8.0] },
+        ];
+        assert_eq!(frame.points, expected);
+        assert_eq!(frame.tags.len(), 1);
+        assert_eq!(read(GOOD).unwrap().points, []);
+        let far = with(r#"[{"id":12,"pixel_px":[100.25,7201]}]"#).unwrap_err();
+        assert!(matches!(far, Refusal::FarPoint { id: 12, .. }));
+        let crowd = format!("[{}]", vec![r#"{"id":1,"pixel_px":[1,2]}"#; 1025].join(","));
+        assert_eq!(with(&crowd), Err(Refusal::TooManyPoints { got: 1025, limit: 1024 }));
+        assert!(matches!(with(r#"[{"id":1}]"#), Err(Refusal::Malformed { .. })));
     }
 
     #[test]

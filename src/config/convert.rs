@@ -2,17 +2,18 @@
 
 use super::error::ConfigError;
 use super::file::{
-    CameraSection, Config, MountSection, PlannerName, RectSection, VarianceUpdateName,
-    VolumeVarianceName,
+    CameraSection, Config, MountSection, PadSection, PlannerName, RectSection, SurfaceName,
+    UpdateName, VarianceUpdateName, VolumeVarianceName,
 };
 use crate::geometry::{Body, Camera, Frame, Point, Rotation, Transform};
-use crate::localization::camera_model::CameraModel;
+use crate::localization::camera_model::{CameraModel, Lens};
 use crate::localization::filter::ImuNoise;
 use crate::localization::marker_map::MarkerMap;
 use crate::localization::{self, vision_fix};
+use crate::mapping::budget::CalibrationSigmas;
 use crate::mapping::projection::LidarMount;
 use crate::mapping::region::Rect;
-use crate::mapping::{self, VolumeVariance, kalman_grid, sparse_gp};
+use crate::mapping::{self, VolumeVariance, field_map, grid_map, kalman_grid, sparse_gp};
 use crate::messages::TagFamily;
 use crate::planning::trajectory::Limits;
 use crate::planning::{self, PlannerKind};
@@ -143,6 +144,11 @@ impl Config {
                     "m",
                 )?,
             },
+            update: match f.update {
+                UpdateName::Loose => localization::Update::Loose,
+                UpdateName::Tight => localization::Update::Tight,
+            },
+            pad: f.pad.as_ref().map(pad_pose).transpose()?,
             capture_sigma_s: within("filter.capture_sigma_s", f.capture_sigma_s, (0.0, 0.1), "s")?,
             imu_noise: ImuNoise {
                 accel_density_mps2_rthz: density(
@@ -190,6 +196,10 @@ impl Config {
         let n_pairs = n_cells * 0.5 * std::f64::consts::PI * (reach_cells + 1.0).powi(2);
         within("pairs of cells within surface.reach", n_pairs, (1.0, 3e7), "")?;
         Ok(mapping::Settings {
+            method: match s.method {
+                SurfaceName::KalmanGrid => mapping::Method::KalmanGrid,
+                SurfaceName::MaternField => mapping::Method::MaternField,
+            },
             region,
             cell_m,
             base_height_m: within(
@@ -206,6 +216,23 @@ impl Config {
                 "m",
             )?,
             lidar: self.lidar_mount()?,
+            grid: self.grid_settings(kalman_grid)?,
+            field: self.field_settings(&kalman_grid)?,
+            max_position_sigma_m: within(
+                "surface.max_position_sigma_m",
+                s.max_position_sigma_m,
+                (0.01, 5.0),
+                "m",
+            )?,
+        })
+    }
+
+    fn grid_settings(
+        &self,
+        kalman_grid: kalman_grid::Settings,
+    ) -> Result<grid_map::Settings, ConfigError> {
+        let s = &self.surface;
+        Ok(grid_map::Settings {
             kalman_grid,
             gp: sparse_gp::Settings {
                 smoothness_nu: within("surface.smoothness_nu", s.smoothness_nu, (0.05, 50.0), "")?,
@@ -224,12 +251,61 @@ impl Config {
                 VolumeVarianceName::Printed => VolumeVariance::Printed,
                 VolumeVarianceName::Full => VolumeVariance::Full,
             },
-            max_position_sigma_m: within(
-                "surface.max_position_sigma_m",
-                s.max_position_sigma_m,
-                (0.01, 5.0),
-                "m",
-            )?,
+        })
+    }
+
+    fn field_settings(
+        &self,
+        kalman_grid: &kalman_grid::Settings,
+    ) -> Result<field_map::Settings, ConfigError> {
+        let (field, u) = (&self.surface.field, &self.surface.uncertainty);
+        let sigma = |key, value, most, unit| within(key, value, (0.0, most), unit);
+        Ok(field_map::Settings {
+            range_m: within("surface.field.range_m", field.range_m, (0.2, 100.0), "m")?,
+            sigma_m: within("surface.field.sigma_m", field.sigma_m, (0.01, 50.0), "m")?,
+            nugget_m: within("surface.field.nugget_m", field.nugget_m, (1e-3, 2.0), "m")?,
+            estimates_prior: field.estimates_prior,
+            mean_level_m: (kalman_grid.prior_height_m, kalman_grid.prior_sigma_m),
+            slope_sigma: kalman_grid.slope_sigma,
+            calibration: CalibrationSigmas {
+                range_bias_m: sigma(
+                    "surface.uncertainty.range_bias_sigma_m",
+                    u.range_bias_sigma_m,
+                    1.0,
+                    "m",
+                )?,
+                range_scale: sigma(
+                    "surface.uncertainty.range_scale_sigma",
+                    u.range_scale_sigma,
+                    0.1,
+                    "",
+                )?,
+                mount_position_m: sigma(
+                    "surface.uncertainty.mount_position_sigma_m",
+                    u.mount_position_sigma_m,
+                    1.0,
+                    "m",
+                )?,
+                mount_rotation_rad: rad_from_deg(sigma(
+                    "surface.uncertainty.mount_rotation_sigma_deg",
+                    u.mount_rotation_sigma_deg,
+                    20.0,
+                    "deg",
+                )?),
+                clock_offset_s: 1e-3
+                    * sigma(
+                        "surface.uncertainty.clock_offset_sigma_ms",
+                        u.clock_offset_sigma_ms,
+                        1000.0,
+                        "ms",
+                    )?,
+                tag_place_m: sigma(
+                    "surface.uncertainty.marker_sigma_m",
+                    u.marker_sigma_m,
+                    1.0,
+                    "m",
+                )?,
+            },
         })
     }
 
@@ -425,6 +501,23 @@ fn mount<F: Frame>(key: &str, m: &MountSection) -> Result<Transform<Body, F>, Co
     Ok(Transform::new(Rotation::from_euler_rad(roll, pitch, yaw), Point::new(x, y, z)))
 }
 
+fn pad_pose(pad: &PadSection) -> Result<localization::PadPose, ConfigError> {
+    let coordinate =
+        |k: usize| within("filter.pad.position_m", pad.position_m[k], (-10_000.0, 10_000.0), "m");
+    let sigma_deg = within("filter.pad.yaw_sigma_deg", pad.yaw_sigma_deg, (0.1, 30.0), "°")?;
+    Ok(localization::PadPose {
+        position: Point::new(coordinate(0)?, coordinate(1)?, coordinate(2)?),
+        yaw_rad: within("filter.pad.yaw_deg", pad.yaw_deg, (-360.0, 360.0), "°")?.to_radians(),
+        position_sigma_m: within(
+            "filter.pad.position_sigma_m",
+            pad.position_sigma_m,
+            (0.005, 5.0),
+            "m",
+        )?,
+        yaw_sigma_rad: sigma_deg.to_radians(),
+    })
+}
+
 fn camera_model(index: usize, c: &CameraSection) -> Result<CameraModel, ConfigError> {
     let key = |name: &str| format!("cameras[{index}].{name}");
     let [width_px, height_px] = c.size_px;
@@ -451,8 +544,8 @@ fn camera_model(index: usize, c: &CameraSection) -> Result<CameraModel, ConfigEr
         fy_px: c.focal_px[1],
         cx_px: c.principal_px[0],
         cy_px: c.principal_px[1],
-        radial: [k1, k2],
-        tangential: [p1, p2],
+        lens: Lens::radial_tangential([k1, k2], [p1, p2]),
+        readout: Duration::ZERO,
         body_from_camera: Transform::new(forward.rotation * looking_forward, forward.origin),
     })
 }

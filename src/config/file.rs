@@ -166,10 +166,36 @@ const fn default_min_range_m() -> f64 {
     0.15
 }
 
+/// How a frame meets the filter.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum UpdateName {
+    /// As one pose.
+    Loose,
+    /// Corner by corner.
+    Tight,
+}
+
+/// Where the vehicle stands before a flight.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PadSection {
+    /// Origin of the body in the hall, m.
+    pub position_m: [f64; 3],
+    /// Yaw of the body in the hall, degrees.
+    pub yaw_deg: f64,
+    /// Standard deviation of each coordinate, m.
+    pub position_sigma_m: f64,
+    /// Standard deviation of the yaw, degrees.
+    pub yaw_sigma_deg: f64,
+}
+
 /// The filter.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct FilterSection {
+    /// How a frame meets the filter.
+    pub update: UpdateName,
     /// Standard deviation of a detected corner, px.
     pub corner_sigma_px: f64,
     /// Standard deviation of a frame's capture time, s.
@@ -190,11 +216,15 @@ pub struct FilterSection {
     pub lost_after_s: f64,
     /// A position less certain than this counts as lost, m.
     pub lost_sigma_m: f64,
+    /// Where the vehicle stands before a flight, if it should know without a tag in view.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pad: Option<PadSection>,
 }
 
 impl Default for FilterSection {
     fn default() -> Self {
         Self {
+            update: UpdateName::Tight,
             corner_sigma_px: 0.4,
             capture_sigma_s: 0.002,
             max_fix_sigma_m: 0.5,
@@ -205,6 +235,7 @@ impl Default for FilterSection {
             ring_span_s: 1.0,
             lost_after_s: 1.5,
             lost_sigma_m: 0.25,
+            pad: None,
         }
     }
 }
@@ -215,6 +246,8 @@ impl Default for FilterSection {
 pub enum SurfaceName {
     /// The paper's height grid.
     KalmanGrid,
+    /// A Gauss–Markov field with the budget of all error sources.
+    MaternField,
 }
 
 /// Which law shrinks a cell's uncertainty.
@@ -271,12 +304,67 @@ pub struct SurfaceSection {
     pub solve_interval_s: f64,
     /// The volume is reported this often, s.
     pub report_interval_s: f64,
+    /// What the field assumes of the material.
+    pub field: FieldSection,
+    /// Errors that last a whole flight.
+    pub uncertainty: UncertaintySection,
+}
+
+/// What the field of `matern-field` assumes of the material.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct FieldSection {
+    /// Practical range of the heights: so far apart they are nearly independent, m.
+    pub range_m: f64,
+    /// Standard deviation of the heights about their mean level, m.
+    pub sigma_m: f64,
+    /// Roughness below the cell size, m.
+    pub nugget_m: f64,
+    /// The three above are estimated from the data once there are enough.
+    pub estimates_prior: bool,
+}
+
+impl Default for FieldSection {
+    fn default() -> Self {
+        Self { range_m: 5.0, sigma_m: 1.0, nugget_m: 0.02, estimates_prior: true }
+    }
+}
+
+/// Standard deviations of errors that last a whole flight.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct UncertaintySection {
+    /// Every range is off by the same distance, m.
+    pub range_bias_sigma_m: f64,
+    /// Every range is off by the same share of itself.
+    pub range_scale_sigma: f64,
+    /// Place of the LiDAR on the body, per axis, m.
+    pub mount_position_sigma_m: f64,
+    /// Rotation of the LiDAR on the body, per axis, deg.
+    pub mount_rotation_sigma_deg: f64,
+    /// Clock of the LiDAR against the clock of the pose, ms.
+    pub clock_offset_sigma_ms: f64,
+    /// Place of each tag in the marker map, per axis, m.
+    pub marker_sigma_m: f64,
+}
+
+impl Default for UncertaintySection {
+    fn default() -> Self {
+        Self {
+            range_bias_sigma_m: 0.01,
+            range_scale_sigma: 0.001,
+            mount_position_sigma_m: 0.005,
+            mount_rotation_sigma_deg: 0.2,
+            clock_offset_sigma_ms: 2.0,
+            marker_sigma_m: 0.005,
+        }
+    }
 }
 
 impl Default for SurfaceSection {
     fn default() -> Self {
         Self {
-            method: SurfaceName::KalmanGrid,
+            method: SurfaceName::MaternField,
             cell_m: 0.25,
             length_scale_m: 0.5,
             reach: 1.5,
@@ -291,6 +379,8 @@ impl Default for SurfaceSection {
             max_position_sigma_m: 0.15,
             solve_interval_s: 5.0,
             report_interval_s: 1.0,
+            field: FieldSection::default(),
+            uncertainty: UncertaintySection::default(),
         }
     }
 }

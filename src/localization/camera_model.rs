@@ -1,15 +1,65 @@
-//! A pinhole camera with radial–tangential distortion, and where it is mounted.
+//! A camera: its lens, and where it is mounted.
 //!
 //! ```text
-//! x = X/Z, y = Y/Z, r² = x² + y²
-//! x_d = x (1 + k₁r² + k₂r⁴) + 2 p₁ x y + p₂ (r² + 2x²)
-//! y_d = y (1 + k₁r² + k₂r⁴) + p₁ (r² + 2y²) + 2 p₂ x y
 //! u = f_x x_d + c_x,  v = f_y y_d + c_y
 //! ```
-//! Source: Brown 1966, in the form of the `OpenCV` camera model.
+//! - `x_d, y_d`: image coordinates, which the [`Lens`] makes of a point in camera axes
+//!
+//! Pixels follow one convention everywhere in this project: the centre of the first pixel is at
+//! (0.5, 0.5). `OpenCV` puts it at (0, 0), so a principal point from there is half a pixel less.
+
+mod fisheye;
+mod radial_tangential;
+
+pub use fisheye::Fisheye;
+pub use radial_tangential::RadialTangential;
 
 use crate::geometry::{Body, Camera, Point, Transform};
-use nalgebra::{Matrix2, Matrix2x3, Vector2};
+use nalgebra::{Matrix2, Matrix2x3, Vector2, Vector3};
+use std::time::Duration;
+
+/// How a lens bends the picture.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Lens {
+    /// Ordinary lenses, to about 120° across.
+    RadialTangential(RadialTangential),
+    /// Wide lenses, to 190° across.
+    Fisheye(Fisheye),
+}
+
+impl Lens {
+    /// A lens without distortion.
+    #[must_use]
+    pub fn pinhole() -> Self {
+        Self::radial_tangential([0.0; 2], [0.0; 2])
+    }
+
+    /// Radial coefficients k₁, k₂ and tangential ones p₁, p₂.
+    #[must_use]
+    pub fn radial_tangential([k1, k2]: [f64; 2], tangential: [f64; 2]) -> Self {
+        Self::RadialTangential(RadialTangential::new([k1, k2, 0.0, 0.0, 0.0, 0.0], tangential))
+    }
+
+    /// Kannala–Brandt coefficients k₁ to k₄.
+    #[must_use]
+    pub fn fisheye(k: [f64; 4]) -> Self {
+        Self::Fisheye(Fisheye::new(k))
+    }
+
+    fn image_of(&self, p: &Vector3<f64>) -> Option<(Vector2<f64>, Matrix2x3<f64>)> {
+        match self {
+            Self::RadialTangential(lens) => lens.image_of(p),
+            Self::Fisheye(lens) => lens.image_of(p),
+        }
+    }
+
+    fn bearing_of(&self, image: &Vector2<f64>) -> Option<Vector3<f64>> {
+        match self {
+            Self::RadialTangential(lens) => lens.bearing_of(image),
+            Self::Fisheye(lens) => lens.bearing_of(image),
+        }
+    }
+}
 
 /// Intrinsics and mounting of one camera.
 #[derive(Debug, Clone, PartialEq)]
@@ -26,38 +76,25 @@ pub struct CameraModel {
     pub cx_px: f64,
     /// Principal point v, px.
     pub cy_px: f64,
-    /// Radial coefficients k₁, k₂.
-    pub radial: [f64; 2],
-    /// Tangential coefficients p₁, p₂.
-    pub tangential: [f64; 2],
+    /// The lens.
+    pub lens: Lens,
+    /// Time from the readout of the first row to that of the last; zero for a global shutter.
+    pub readout: Duration,
     /// Pose of the camera on the body.
     pub body_from_camera: Transform<Body, Camera>,
 }
 
-/// Points closer to the image plane than this are not projected, m.
-const MIN_DEPTH_M: f64 = 0.05;
-
 impl CameraModel {
     /// The pixel of a point, and its derivative by the point (2×3, px/m).
     ///
-    /// `None` behind the camera, and where the distortion polynomial has folded back (a point
-    /// far outside the image would land inside it).
+    /// `None` behind the camera, farther from the axis than the lens is valid, and where its
+    /// distortion has folded back (a point far outside the image would land inside it).
     #[must_use]
     pub fn project(&self, p: &Point<Camera>) -> Option<(Vector2<f64>, Matrix2x3<f64>)> {
-        let depth = p.coords.z;
-        if depth < MIN_DEPTH_M {
-            return None;
-        }
-        let n = Vector2::new(p.coords.x / depth, p.coords.y / depth);
-        let (distorted, by_n) = self.distort(&n);
-        // The polynomial is a map of the plane only while it keeps orientation and grows outwards.
-        if by_n.determinant() <= 0.0 || by_n.trace() <= 0.0 {
-            return None;
-        }
+        let (image, by_p) = self.lens.image_of(&p.coords)?;
         let focal = Matrix2::new(self.fx_px, 0.0, 0.0, self.fy_px);
-        let pixel = focal * distorted + Vector2::new(self.cx_px, self.cy_px);
-        let n_by_p = Matrix2x3::new(1.0, 0.0, -n.x, 0.0, 1.0, -n.y) / depth;
-        Some((pixel, focal * by_n * n_by_p))
+        let pixel = focal * image + Vector2::new(self.cx_px, self.cy_px);
+        Some((pixel, focal * by_p))
     }
 
     /// True if the pixel lies in the image, at least `margin_px` from its border.
@@ -68,113 +105,40 @@ impl CameraModel {
         inside(pixel.x, self.width_px) && inside(pixel.y, self.height_px)
     }
 
-    /// The direction (X/Z, Y/Z) that a pixel looks along; `None` if the inversion diverges.
+    /// The unit vector in camera axes that a pixel looks along; `None` where the lens is not
+    /// valid.
     #[must_use]
-    pub fn unproject(&self, pixel: &Vector2<f64>) -> Option<Vector2<f64>> {
-        let target =
-            Vector2::new((pixel.x - self.cx_px) / self.fx_px, (pixel.y - self.cy_px) / self.fy_px);
-        let mut n = target;
-        for _ in 0..20 {
-            let (distorted, by_n) = self.distort(&n);
-            let step = by_n.try_inverse()? * (target - distorted);
-            n += step;
-            if step.norm() < 1e-12 {
-                return Some(n);
-            }
-        }
-        let residual = target - self.distort(&n).0;
-        (residual.norm() < 1e-6).then_some(n)
+    pub fn bearing(&self, pixel: &Vector2<f64>) -> Option<Vector3<f64>> {
+        self.lens.bearing_of(&Vector2::new(
+            (pixel.x - self.cx_px) / self.fx_px,
+            (pixel.y - self.cy_px) / self.fy_px,
+        ))
     }
 
-    /// Distorted coordinates and their derivative by the undistorted ones.
-    fn distort(&self, n: &Vector2<f64>) -> (Vector2<f64>, Matrix2<f64>) {
-        let [k1, k2] = self.radial;
-        let [p1, p2] = self.tangential;
-        let (x, y) = (n.x, n.y);
-        let r2 = x * x + y * y;
-        let radial = 1.0 + k1 * r2 + k2 * r2 * r2;
-        let radial_by_r2 = k1 + 2.0 * k2 * r2;
-        let distorted = Vector2::new(
-            x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
-            y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
-        );
-        let cross = 2.0 * x * y * radial_by_r2 + 2.0 * p1 * x + 2.0 * p2 * y;
-        let by_n = Matrix2::new(
-            radial + 2.0 * x * x * radial_by_r2 + 2.0 * p1 * y + 6.0 * p2 * x,
-            cross,
-            cross,
-            radial + 2.0 * y * y * radial_by_r2 + 6.0 * p1 * y + 2.0 * p2 * x,
-        );
-        (distorted, by_n)
+    /// The direction (X/Z, Y/Z) that a pixel looks along; `None` where the lens is not valid, and
+    /// for pixels of a fisheye lens that look sideways or back.
+    #[must_use]
+    pub fn unproject(&self, pixel: &Vector2<f64>) -> Option<Vector2<f64>> {
+        let bearing = self.bearing(pixel)?;
+        (bearing.z > 1e-3).then(|| bearing.xy() / bearing.z)
+    }
+
+    /// When row `v_px` is exposed, relative to the frame's stamp, s.
+    ///
+    /// ```text
+    /// Δt(v) = (v − H/2)/(H − 1) t_readout
+    /// ```
+    /// - `H`: rows of the image; `t_readout`: [`Self::readout`]
+    ///
+    /// A frame is stamped in the middle of the exposure of its middle row, so rows above it are
+    /// earlier (negative) and rows below it later: the first row's centre, v = 0.5, is
+    /// t_readout/2 early. Zero for a global shutter.
+    #[must_use]
+    pub fn row_offset_s(&self, v_px: f64) -> f64 {
+        let n_rows = f64::from(self.height_px);
+        (v_px - 0.5 * n_rows) / (n_rows - 1.0).max(1.0) * self.readout.as_secs_f64()
     }
 }
 
 #[cfg(test)]
-pub(super) mod tests {
-    use super::*;
-    use crate::geometry::Rotation;
-    use crate::stats::SeedBook;
-
-    /// A wide, visibly distorted camera, mounted askew.
-    pub(crate) fn distorted_camera() -> CameraModel {
-        CameraModel {
-            width_px: 1280,
-            height_px: 800,
-            fx_px: 640.0,
-            fy_px: 642.0,
-            cx_px: 645.0,
-            cy_px: 396.0,
-            radial: [-0.12, 0.02],
-            tangential: [0.001, -0.0007],
-            body_from_camera: Transform::new(
-                // A camera that looks along body x: z_c = x_b, x_c = −y_b, y_c = −z_b; then tilted.
-                Rotation::from_euler_rad(0.02, 0.2, -0.1)
-                    * Rotation::<Body, Camera>::from_euler_rad(
-                        -std::f64::consts::FRAC_PI_2,
-                        0.0,
-                        -std::f64::consts::FRAC_PI_2,
-                    ),
-                Point::new(0.1, 0.02, -0.03),
-            ),
-        }
-    }
-
-    #[test]
-    fn projection_jacobian_matches_central_difference() {
-        let camera = distorted_camera();
-        let mut noise = SeedBook::new(3).stream("points");
-        for _ in 0..50 {
-            let z = noise.between(1.0, 15.0);
-            let p =
-                Point::<Camera>::new(z * noise.between(-0.8, 0.8), z * noise.between(-0.5, 0.5), z);
-            let (_, jacobian) = camera.project(&p).expect("in view");
-            for axis in 0..3 {
-                let step = nalgebra::Vector3::ith(axis, 1e-6);
-                let at = |d| camera.project(&Point::from_coords(p.coords + d)).expect("in view").0;
-                let numeric = (at(step) - at(-step)) / 2e-6;
-                let analytic: Vector2<f64> = jacobian.column(axis).into();
-                assert!((numeric - analytic).norm() < 1e-5, "axis {axis} at {p:?}");
-            }
-        }
-    }
-
-    #[test]
-    fn unproject_undoes_project() {
-        let camera = distorted_camera();
-        let p = Point::<Camera>::new(2.1, -1.3, 4.0);
-        let (pixel, _) = camera.project(&p).expect("in view");
-        let n = camera.unproject(&pixel).expect("invertible");
-        assert!((n - Vector2::new(2.1 / 4.0, -1.3 / 4.0)).norm() < 1e-9);
-    }
-
-    #[test]
-    fn points_behind_the_camera_have_no_pixel() {
-        assert!(distorted_camera().project(&Point::new(0.0, 0.0, -1.0)).is_none());
-    }
-
-    #[test]
-    fn undistorted_axis_point_hits_the_principal_point() {
-        let (pixel, _) = distorted_camera().project(&Point::new(0.0, 0.0, 3.0)).expect("in view");
-        assert!((pixel - Vector2::new(645.0, 396.0)).norm() < 1e-12);
-    }
-}
+pub(super) mod tests;

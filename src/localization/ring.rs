@@ -2,19 +2,38 @@
 //!
 //! Every entry holds the state after it. A fix that arrives late is put in its place, and all
 //! later entries are computed again; so the result does not depend on the order of arrival.
+#![expect(non_snake_case, reason = "matrices carry the letters of the equations")]
 
-use super::filter::{FilterState, ImuNoise, Innovation};
+use super::filter::{Covariance, FilterState, Gain, ImuNoise, Innovation};
+use super::tight_update::{self, Frame, TightOutcome};
 use crate::geometry::{Body, Hall, Point, Transform};
 use crate::messages::{FixOutcome, ImuSample};
 use crate::time::{Mono, Stamp};
-use nalgebra::Matrix6;
+use nalgebra::{Matrix6, Vector3};
 use std::collections::VecDeque;
 use std::time::Duration;
 
 #[derive(Debug, Clone)]
 enum Input {
-    Imu(ImuSample),
+    Imu(Covered),
     Fix(Box<FixOutcome>),
+    Frame(Box<FrameInput>),
+    /// The vehicle stands: no velocity, and this mean of the gyroscope.
+    Standstill(Vector3<f64>),
+}
+
+/// A sample, and the noise of the time that it stands for.
+#[derive(Debug, Clone, Copy)]
+struct Covered {
+    imu: ImuSample,
+    noise: ImuNoise,
+}
+
+/// A frame, and the fix to fuse where its points and the state do not agree.
+#[derive(Debug, Clone)]
+struct FrameInput {
+    frame: Frame,
+    fallback: Option<FixOutcome>,
 }
 
 #[derive(Debug, Clone)]
@@ -22,6 +41,8 @@ struct Entry {
     input: Input,
     /// The state after this input; its stamp orders the entries.
     state: FilterState,
+    /// What the input's update did to the error, if it was fused.
+    gain: Option<Box<Gain>>,
 }
 
 /// States and inputs of the last second, in order of time.
@@ -33,15 +54,41 @@ pub struct Ring {
 }
 
 /// What became of a fix.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub enum Insertion {
     /// In the ring; the innovation says whether it passed its gate.
-    Placed(Innovation),
+    Placed(Box<Innovation>),
     /// Older than the ring.
     TooOld,
     /// Newer than the newest inertial sample by more than the tolerance.
     FromTheFuture,
 }
+
+/// What became of a frame.
+#[derive(Debug, Clone, PartialEq)]
+pub enum FrameInsertion {
+    /// In the ring, with how its points met the state.
+    Placed(Box<FramePlaced>),
+    /// Older than the ring.
+    TooOld,
+    /// Newer than the newest inertial sample by more than the tolerance.
+    FromTheFuture,
+}
+
+/// How a frame met the state at its own time.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FramePlaced {
+    /// Its points, one by one.
+    pub tight: TightOutcome,
+    /// The fix that stood in for points that were refused, and how it met the state.
+    pub fallback: Option<(FixOutcome, Innovation)>,
+}
+
+/// A sample stands for this long without a penalty, s: three periods of a slow autopilot.
+const EVEN_GAP_S: f64 = 0.03;
+/// What the vehicle may do unseen in a longer gap: forces and turns that hold all through it.
+const UNSEEN_ACCEL_MPS2: f64 = 2.0;
+const UNSEEN_RATE_RADPS: f64 = 1.0;
 
 /// A fix may be this much newer than the newest inertial sample: samples travel too.
 const FUTURE_TOLERANCE: Duration = Duration::from_millis(20);
@@ -50,7 +97,8 @@ impl Ring {
     /// A ring that starts with this state.
     #[must_use]
     pub fn new(start: FilterState, last_imu: ImuSample, noise: ImuNoise, span: Duration) -> Self {
-        let first = Entry { input: Input::Imu(last_imu), state: start };
+        let first =
+            Entry { input: Input::Imu(Covered { imu: last_imu, noise }), state: start, gain: None };
         Self { entries: VecDeque::from([first]), span, noise }
     }
 
@@ -76,10 +124,12 @@ impl Ring {
         if last_imu.is_some_and(|last| imu.at <= last.state.at) {
             return;
         }
+        let gap_s = last_imu.map_or(0.0, |last| imu.at.seconds_since(last.state.at));
+        let covered = Covered { imu, noise: self.noise_over(gap_s) };
         let place = self.entries.partition_point(|entry| entry.state.at <= imu.at);
         let first_fix = self.entries.iter().rposition(is_imu).map_or(place, |last| last + 1);
-        let state = self.entries[place - 1].state.propagated(&imu, imu.at, &self.noise);
-        self.entries.insert(place, Entry { input: Input::Imu(imu), state });
+        let state = self.entries[place - 1].state.propagated(&imu, imu.at, &covered.noise);
+        self.entries.insert(place, Entry { input: Input::Imu(covered), state, gain: None });
         if first_fix < place || place + 1 < self.entries.len() {
             self.recompute_from(first_fix);
         }
@@ -91,23 +141,83 @@ impl Ring {
 
     /// Puts a fix at its own time; fuses it as long as it passes the gate.
     pub fn insert_fix(&mut self, at: Stamp<Mono>, fix: FixOutcome) -> Insertion {
+        match self.place_of(at) {
+            Err(refusal) => refusal,
+            Ok(place) => {
+                let (mut state, _) = self.before(place, at);
+                let innovation = state.innovation(&fix);
+                let gain = fused(&mut state, &fix, &innovation);
+                // A refused fix stays too: another that arrives later may lie before it and speak
+                // for it.
+                self.put(place, Entry { input: Input::Fix(Box::new(fix)), state, gain });
+                Insertion::Placed(Box::new(innovation))
+            }
+        }
+    }
+
+    /// Puts the points of a frame at their own time; fuses them as long as they agree with the
+    /// state. `fallback` is asked for a fix where they do not.
+    pub fn insert_frame(
+        &mut self,
+        at: Stamp<Mono>,
+        frame: Frame,
+        fallback: impl FnOnce(&FilterState, &Vector3<f64>) -> Option<FixOutcome>,
+    ) -> FrameInsertion {
+        let place = match self.place_of(at) {
+            Ok(place) => place,
+            Err(Insertion::TooOld) => return FrameInsertion::TooOld,
+            Err(_) => return FrameInsertion::FromTheFuture,
+        };
+        let (mut state, rate_radps) = self.before(place, at);
+        let (tight, mut gain) = tight_update::fuse(&mut state, &rate_radps, &frame);
+        let fallback = if tight.is_fused { None } else { fallback(&state, &rate_radps) };
+        let fallback = fallback.map(|fix| {
+            let innovation = state.innovation(&fix);
+            gain = fused(&mut state, &fix, &innovation).map(|boxed| *boxed);
+            (fix, innovation)
+        });
+        let kept = FrameInput { frame, fallback: fallback.as_ref().map(|(fix, _)| fix.clone()) };
+        let entry = Entry { input: Input::Frame(Box::new(kept)), state, gain: gain.map(Box::new) };
+        self.put(place, entry);
+        FrameInsertion::Placed(Box::new(FramePlaced { tight, fallback }))
+    }
+
+    /// Tells the filter that the vehicle stands at `at`, with this mean of the gyroscope.
+    pub fn insert_standstill(&mut self, at: Stamp<Mono>, gyro_radps: Vector3<f64>) -> Insertion {
+        match self.place_of(at) {
+            Err(refusal) => refusal,
+            Ok(place) => {
+                let (mut state, _) = self.before(place, at);
+                let (innovation, gain) = state.stand(&gyro_radps);
+                let input = Input::Standstill(gyro_radps);
+                self.put(place, Entry { input, state, gain: gain.map(Box::new) });
+                Insertion::Placed(Box::new(innovation))
+            }
+        }
+    }
+
+    /// Where an input of this time belongs, if it belongs at all.
+    fn place_of(&self, at: Stamp<Mono>) -> Result<usize, Insertion> {
         if at < self.oldest_at() {
-            return Insertion::TooOld;
+            Err(Insertion::TooOld)
+        } else if at > self.newest().at.plus(FUTURE_TOLERANCE) {
+            Err(Insertion::FromTheFuture)
+        } else {
+            Ok(self.entries.partition_point(|entry| entry.state.at <= at))
         }
-        if at > self.newest().at.plus(FUTURE_TOLERANCE) {
-            return Insertion::FromTheFuture;
-        }
-        let place = self.entries.partition_point(|entry| entry.state.at <= at);
-        let imu = self.imu_in_force(place);
-        let mut state = self.entries[place - 1].state.propagated(&imu, at, &self.noise);
-        let innovation = state.innovation(&fix);
-        if innovation.is_within_gate() {
-            state.fuse(&fix, &innovation);
-        }
-        // A refused fix stays too: another that arrives later may lie before it and speak for it.
-        self.entries.insert(place, Entry { input: Input::Fix(Box::new(fix)), state });
+    }
+
+    /// State and angular velocity (without its bias) at `at`, which lies before entry `place`.
+    fn before(&self, place: usize, at: Stamp<Mono>) -> (FilterState, Vector3<f64>) {
+        let Covered { imu, noise } = self.in_force(place);
+        let state = self.entries[place - 1].state.propagated(&imu, at, &noise);
+        let rate_radps = imu.gyro_radps - state.gyro_bias_radps;
+        (state, rate_radps)
+    }
+
+    fn put(&mut self, place: usize, entry: Entry) {
+        self.entries.insert(place, entry);
         self.recompute_from(place + 1);
-        Insertion::Placed(innovation)
     }
 
     /// The pose at an instant inside the ring, and the covariance of its error (6×6).
@@ -135,42 +245,120 @@ impl Ring {
     /// The state at an instant inside the ring, propagated from the one before.
     #[must_use]
     pub fn state_at(&self, at: Stamp<Mono>) -> Option<FilterState> {
-        if at < self.oldest_at() || at > self.newest().at.plus(FUTURE_TOLERANCE) {
+        self.motion_at(at).map(|(state, _)| state)
+    }
+
+    /// The state at an instant inside the ring, and the angular velocity without its bias there,
+    /// body axes, rad/s.
+    #[must_use]
+    pub fn motion_at(&self, at: Stamp<Mono>) -> Option<(FilterState, Vector3<f64>)> {
+        self.place_of(at).ok().map(|place| self.before(place, at))
+    }
+
+    /// How the error at `from` lives on in the error at `to`; `None` if either is outside the ring
+    /// or they are out of order.
+    ///
+    /// ```text
+    /// e(to) = A e(from) + new noise,   A = Π (I − U H) Φ over the entries in between
+    /// ```
+    /// An instant between two entries is reached from the entry before it, as by
+    /// [`Self::state_at`]. Checked: `transition_matches_a_cloned_error`.
+    #[must_use]
+    pub fn error_transition(&self, from: Stamp<Mono>, to: Stamp<Mono>) -> Option<Covariance> {
+        if to < from || to > self.newest().at.plus(FUTURE_TOLERANCE) {
             return None;
         }
-        let place = self.entries.partition_point(|entry| entry.state.at <= at);
-        Some(self.entries[place - 1].state.propagated(&self.imu_in_force(place), at, &self.noise))
+        let start = self.state_at(from)?;
+        let first = self.entries.partition_point(|entry| entry.state.at <= from);
+        let end = self.entries.partition_point(|entry| entry.state.at <= to);
+        let mut before = &start;
+        let mut A = Covariance::identity();
+        for place in first..end {
+            let entry = &self.entries[place];
+            A = before.transition(&self.in_force(place).imu, entry.state.at).times(&A);
+            if let Some(gain) = &entry.gain {
+                gain.apply(&mut A);
+            }
+            before = &entry.state;
+        }
+        Some(before.transition(&self.in_force(end).imu, to).times(&A))
+    }
+
+    /// The noise of the time that a sample stands for: wider where samples are missing.
+    ///
+    /// A density `σ_a √T` integrates over the gap `T` to the velocity that a force `σ_a` gives
+    /// in it.
+    fn noise_over(&self, gap_s: f64) -> ImuNoise {
+        if gap_s <= EVEN_GAP_S {
+            return self.noise;
+        }
+        let root = gap_s.sqrt();
+        ImuNoise {
+            accel_density_mps2_rthz: self
+                .noise
+                .accel_density_mps2_rthz
+                .hypot(UNSEEN_ACCEL_MPS2 * root),
+            gyro_density_radps_rthz: self
+                .noise
+                .gyro_density_radps_rthz
+                .hypot(UNSEEN_RATE_RADPS * root),
+            ..self.noise
+        }
     }
 
     /// The sample that covers the time just before entry `place`: the next one, else the last.
-    fn imu_in_force(&self, place: usize) -> ImuSample {
+    fn in_force(&self, place: usize) -> Covered {
         let imu_of = |entry: &Entry| match &entry.input {
-            Input::Imu(imu) => Some(*imu),
-            Input::Fix(_) => None,
+            Input::Imu(covered) => Some(*covered),
+            _ => None,
         };
         let next = self.entries.range(place..).find_map(imu_of);
-        next.or_else(|| self.entries.range(..place).rev().find_map(imu_of)).unwrap_or(ImuSample {
+        next.or_else(|| self.entries.range(..place).rev().find_map(imu_of)).unwrap_or(Covered {
             // Not reached while the ring's first entry is an inertial sample; at rest is harmless.
-            at: self.newest().at,
-            accel_mps2: nalgebra::Vector3::z() * crate::units::GRAVITY_MPS2,
-            gyro_radps: nalgebra::Vector3::zeros(),
+            imu: ImuSample {
+                at: self.newest().at,
+                accel_mps2: Vector3::z() * crate::units::GRAVITY_MPS2,
+                gyro_radps: Vector3::zeros(),
+            },
+            noise: self.noise,
         })
     }
 
     fn recompute_from(&mut self, first: usize) {
         for place in first..self.entries.len() {
-            let imu = self.imu_in_force(place);
-            let at = self.entries[place].state.at;
-            let mut state = self.entries[place - 1].state.propagated(&imu, at, &self.noise);
-            if let Input::Fix(fix) = &self.entries[place].input {
-                let innovation = state.innovation(fix);
-                if innovation.is_within_gate() {
-                    state.fuse(fix, &innovation);
+            let (mut state, rate_radps) = self.before(place, self.entries[place].state.at);
+            let entry = &mut self.entries[place];
+            entry.gain = match &entry.input {
+                Input::Imu(_) => None,
+                Input::Fix(fix) => {
+                    let innovation = state.innovation(fix);
+                    fused(&mut state, fix, &innovation)
                 }
-            }
-            self.entries[place].state = state;
+                Input::Frame(input) => judged_again(&mut state, &rate_radps, input),
+                Input::Standstill(gyro_radps) => state.stand(gyro_radps).1.map(Box::new),
+            };
+            entry.state = state;
         }
     }
+}
+
+/// Fuses a frame of the ring once more: its points, or the fix that stands in for them.
+fn judged_again(
+    state: &mut FilterState,
+    rate_radps: &Vector3<f64>,
+    input: &FrameInput,
+) -> Option<Box<Gain>> {
+    let (_, gain) = tight_update::fuse(state, rate_radps, &input.frame);
+    gain.map(Box::new).or_else(|| {
+        let fix = input.fallback.as_ref()?;
+        let innovation = state.innovation(fix);
+        fused(state, fix, &innovation)
+    })
+}
+
+/// Fuses a fix within its gate.
+fn fused(state: &mut FilterState, fix: &FixOutcome, innovation: &Innovation) -> Option<Box<Gain>> {
+    innovation.is_within_gate().then(|| state.fuse(fix, innovation).map(Box::new)).flatten()
 }
 
 fn pose_cov(state: &FilterState) -> Matrix6<f64> {
@@ -178,122 +366,4 @@ fn pose_cov(state: &FilterState) -> Matrix6<f64> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::geometry::Rotation;
-    use crate::localization::filter::Covariance;
-    use crate::stats::SeedBook;
-    use nalgebra::Vector3;
-
-    fn at_ms(ms: i64) -> Stamp<Mono> {
-        Stamp::from_nanos(ms * 1_000_000)
-    }
-
-    fn ring() -> Ring {
-        let start = FilterState {
-            at: at_ms(0),
-            hall_from_body: Transform::new(
-                Rotation::from_euler_rad(0.1, -0.05, 0.8),
-                Point::new(1.0, 2.0, 3.0),
-            ),
-            velocity_mps: Vector3::new(0.5, -0.2, 0.1),
-            gyro_bias_radps: Vector3::zeros(),
-            accel_bias_mps2: Vector3::zeros(),
-            P: Covariance::identity() * 0.01,
-        };
-        Ring::new(start, imu(0), ImuNoise::default(), Duration::from_secs(1))
-    }
-
-    fn imu(ms: i64) -> ImuSample {
-        let phase = Stamp::<Mono>::from_nanos(ms * 1_000_000).seconds() * 3.0;
-        ImuSample {
-            at: at_ms(ms),
-            accel_mps2: Vector3::new(phase.sin(), 0.3, 9.8 + 0.2 * phase.cos()),
-            gyro_radps: Vector3::new(0.1, -0.2, phase.cos() * 0.3),
-        }
-    }
-
-    fn fix(noise: &mut crate::stats::Noise) -> FixOutcome {
-        let pose = Transform::<Hall, Body>::new(
-            Rotation::from_euler_rad(0.1, -0.05, 0.8),
-            Point::new(1.0, 2.0, 3.0),
-        );
-        FixOutcome {
-            hall_from_body: pose.perturbed(&(noise.normal3() * 0.02), &(noise.normal3() * 0.01)),
-            pose_cov: Matrix6::identity() * 0.01,
-            residual_rms_px: 0.3,
-            q_pos: 10.0,
-        }
-    }
-
-    #[test]
-    fn order_of_arrival_does_not_matter() {
-        let mut noise = SeedBook::new(4).stream("fixes");
-        let (early, late) = (fix(&mut noise), fix(&mut noise));
-        let run = |in_order: bool| {
-            let mut ring = ring();
-            for step in 1..=60 {
-                ring.push_imu(imu(step * 5));
-                if in_order && step == 21 {
-                    ring.insert_fix(at_ms(103), early.clone());
-                }
-                if in_order && step == 31 {
-                    ring.insert_fix(at_ms(151), late.clone());
-                }
-            }
-            if !in_order {
-                ring.insert_fix(at_ms(151), late.clone());
-                ring.insert_fix(at_ms(103), early.clone());
-            }
-            ring.newest().clone()
-        };
-        let (a, b) = (run(true), run(false));
-        assert!((a.P - b.P).norm() < 1e-12);
-        assert!((a.hall_from_body.origin - b.hall_from_body.origin).coords.norm() < 1e-12);
-    }
-
-    #[test]
-    fn a_fix_ahead_of_the_samples_does_not_shadow_them() {
-        let fix = fix(&mut SeedBook::new(6).stream("fix"));
-        let run = |fix_after_ms: i64| {
-            let mut ring = ring();
-            for step in 1..=60 {
-                ring.push_imu(imu(step * 5));
-                if step * 5 == fix_after_ms {
-                    ring.insert_fix(at_ms(112), fix.clone());
-                }
-            }
-            ring.newest().clone()
-        };
-        let (early, in_time) = (run(100), run(115));
-        assert!((early.P - in_time.P).norm() < 1e-12);
-        let apart = early.hall_from_body.origin - in_time.hall_from_body.origin;
-        assert!(apart.coords.norm() < 1e-12);
-    }
-
-    #[test]
-    fn fixes_outside_the_ring_are_refused_and_change_nothing() {
-        let mut ring = ring();
-        for step in 1..=400 {
-            ring.push_imu(imu(step * 5));
-        }
-        let before = ring.newest().clone();
-        let fix = fix(&mut SeedBook::new(1).stream("fix"));
-        assert_eq!(ring.insert_fix(at_ms(500), fix.clone()), Insertion::TooOld);
-        assert_eq!(ring.insert_fix(at_ms(2_500), fix), Insertion::FromTheFuture);
-        assert_eq!(*ring.newest(), before);
-    }
-
-    #[test]
-    fn interpolated_pose_lies_between_its_neighbours() {
-        let mut ring = ring();
-        for step in 1..=20 {
-            ring.push_imu(imu(step * 5));
-        }
-        let (pose, _) = ring.pose_at(at_ms(52)).expect("inside");
-        let exact = ring.state_at(at_ms(52)).expect("inside");
-        // Over 5 ms the straight line and the propagated arc differ by a·dt²/8 = 4e-6 m.
-        assert!((pose.origin - exact.hall_from_body.origin).coords.norm() < 1e-4);
-        assert!(ring.pose_at(at_ms(101)).is_none());
-    }
-}
+mod tests;

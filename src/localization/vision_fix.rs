@@ -138,6 +138,12 @@ pub fn q_pos(pose_cov: &Matrix6<f64>) -> f64 {
     1.0 / pose_cov.trace().sqrt()
 }
 
+/// The quality of the position alone, 1/m: 1/√tr of the upper left 3×3 of Σ^χ.
+#[must_use]
+pub fn q_position(pose_cov: &Matrix6<f64>) -> f64 {
+    1.0 / pose_cov.fixed_view::<3, 3>(0, 0).trace().sqrt()
+}
+
 /// Projects hall points from one pose; what the points share is computed once.
 struct Reprojector<'a> {
     camera: &'a CameraModel,
@@ -337,7 +343,13 @@ fn outcome(
     if position_sigma_m > settings.max_position_sigma_m {
         return Err(NoFix::NotObservable);
     }
-    Ok(FixOutcome { hall_from_body: *pose, pose_cov, residual_rms_px, q_pos: q_pos(&pose_cov) })
+    Ok(FixOutcome {
+        hall_from_body: *pose,
+        pose_cov,
+        residual_rms_px,
+        q_pos: q_pos(&pose_cov),
+        q_position: q_position(&pose_cov),
+    })
 }
 
 /// (JᵀJ)⁻¹ where all six directions are determined; `None` otherwise.

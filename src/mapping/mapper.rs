@@ -1,29 +1,37 @@
-//! The face of the mapping: scans and poses in, surface and volume out.
+//! The face of the mapping: scans and poses in, surface and volumes out.
 
 use super::base::BaseSurface;
-use super::kalman_grid::{self, KalmanGrid};
+use super::field_map::{self, FieldMap, NewestField, Setup, SolveField};
+use super::footprint::{Footprint, PatchGatherer};
+use super::grid_map::{self, Bases, GridMap, SolveGrid};
+use super::kalman_grid::KalmanGrid;
+use super::matern_field::{FieldError, Lattice};
 use super::projection::{Hit, LidarMount, project};
 use super::region::Region;
-use super::sparse_gp::{self, GpError, Posterior};
+use super::sparse_gp::GpError;
 use super::volume::Base;
 use crate::geometry::{Body, Hall, Transform};
-use crate::messages::{Beam, GridGeometry, HeightMap, HitCounts, Scan, VolumeEstimate};
+use crate::messages::{Beam, GridGeometry, HeightMap, HitCounts, PoseError, Scan, VolumeAccount};
 use crate::time::{Mono, Stamp};
 use nalgebra::Matrix6;
+use std::sync::Arc;
+use std::time::Duration;
 
-/// How the variances of the cells become the variance of the volume.
+/// How the surface is kept.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum VolumeVariance {
-    /// A² Σ Σ*_ij: the marginal variances added, as printed.
-    Printed,
-    /// 1ᵀ Σ* 1: the variance of the sum.
+pub enum Method {
+    /// The paper's height grid with its sparse Gaussian process.
+    KalmanGrid,
+    /// A Gauss–Markov field with the budget of all error sources.
     #[default]
-    Full,
+    MaternField,
 }
 
 /// What the mapping must know before a flight.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
+    /// How the surface is kept.
+    pub method: Method,
     /// What is measured.
     pub region: Region,
     /// Edge of a cell, m.
@@ -36,15 +44,10 @@ pub struct Settings {
     pub max_height_m: f64,
     /// The LiDAR.
     pub lidar: LidarMount,
-    /// How hits update the cells.
-    pub kalman_grid: kalman_grid::Settings,
-    /// The prior of the Gaussian process over the cells.
-    pub gp: sparse_gp::Settings,
-    /// The prior height is the mean of the measured cells instead of the configured one, so that
-    /// ground that nothing saw counts as average ground.
-    pub estimates_prior_height: bool,
-    /// How σ^V is added up.
-    pub volume_variance: VolumeVariance,
+    /// The paper's grid; kept with either method, for the paper's planner reads it.
+    pub grid: grid_map::Settings,
+    /// The field.
+    pub field: field_map::Settings,
     /// Beams are not used while the largest position σ exceeds this, m.
     pub max_position_sigma_m: f64,
 }
@@ -53,17 +56,19 @@ pub struct Settings {
 #[derive(Debug, Clone)]
 pub struct Mapper {
     settings: Settings,
-    grid: KalmanGrid,
-    base: Base,
+    grid: GridMap,
+    field: Option<FieldMap>,
+    bases: Bases,
     /// Hits below this are not surface, m.
     lowest_m: f64,
-    /// Cells whose hits may reach over an exclusion.
-    is_near_exclusion: Vec<bool>,
     counts: HitCounts,
 }
 
 /// A pose with the covariance of its error.
 pub type PoseWithCov = (Transform<Hall, Body>, Matrix6<f64>);
+
+/// Padding of the field around the region, in practical ranges.
+const PADDING_RANGES: f64 = 1.0;
 
 impl Mapper {
     /// A map at its prior.
@@ -71,55 +76,84 @@ impl Mapper {
     pub fn new(settings: Settings) -> Self {
         let geometry = settings.region.grid(settings.cell_m);
         let hall_base = BaseSurface::level(settings.base_height_m);
-        let bays = settings.region.bays_on(&geometry, &hall_base);
-        let base = Base::total(bays.iter().map(|bay| &bay.base), geometry.n_cells());
-        let lowest_m = base.lowest_m().unwrap_or(settings.base_height_m) - settings.below_base_m;
-        let kalman = settings.kalman_grid;
-        // Half a cell's diagonal: the hit may be anywhere in its cell.
-        let reach_m = kalman.reach * kalman.length_scale_m + geometry.cell_m;
-        let is_near_exclusion = settings.region.cells_near_exclusions(&geometry, reach_m);
-        let grid = KalmanGrid::new(geometry, kalman);
-        Self { settings, grid, base, lowest_m, is_near_exclusion, counts: HitCounts::default() }
+        let bases: Bases = Arc::new(settings.region.bases_on(&geometry, &hall_base));
+        let lowest_m = bases[0].1.lowest_m().unwrap_or(settings.base_height_m);
+        let lowest_m = lowest_m - settings.below_base_m;
+        let grid = GridMap::new(settings.grid, &settings.region, geometry, Arc::clone(&bases));
+        let field = (settings.method == Method::MaternField)
+            .then(|| FieldMap::new(field_setup(&settings, &geometry, &bases)));
+        Self { settings, grid, field, bases, lowest_m, counts: HitCounts::default() }
     }
 
-    /// Takes in a scan; `pose_at` gives the pose at a beam's own time.
-    pub fn insert(&mut self, scan: &Scan, pose_at: impl Fn(Stamp<Mono>) -> Option<PoseWithCov>) {
+    /// Takes in a turn of the scanner; `pose_at` gives the pose at a beam's own time, `error_at` the
+    /// pose's error at an instant, chained to the error at an earlier one.
+    pub fn insert(
+        &mut self,
+        scan: &Scan,
+        pose_at: impl Fn(Stamp<Mono>) -> Option<PoseWithCov>,
+        error_at: impl Fn(Stamp<Mono>, Option<Stamp<Mono>>) -> Option<PoseError>,
+    ) {
+        let middle = middle_of(scan);
+        let previous = self.field.as_ref().and_then(FieldMap::newest_turn_at);
+        let shared = self
+            .field
+            .as_ref()
+            .and_then(|_| Some((error_at(middle, previous)?, pose_at(middle)?.0)));
+        let mut patches = PatchGatherer::new(self.settings.cell_m);
         for beam in &scan.beams {
             self.counts.received += 1;
-            let outcome = self.insert_beam(beam, || pose_at(scan.beam_at(beam)));
-            *match outcome {
-                BeamFate::Used => &mut self.counts.used,
-                BeamFate::NoReturn => &mut self.counts.no_return,
-                BeamFate::OwnBody => &mut self.counts.own_body,
-                BeamFate::Outside => &mut self.counts.outside,
-                BeamFate::NoPose => &mut self.counts.no_pose,
-                BeamFate::PoorPose => &mut self.counts.poor_pose,
-            } += 1;
+            let fate = match self.hit(beam, || pose_at(scan.beam_at(beam))) {
+                Ok((hit, hall_from_body)) => {
+                    self.grid.insert(&hit, &self.settings.region);
+                    if shared.is_some() {
+                        self.gather(&hit, &hall_from_body, &mut patches);
+                    }
+                    Fate::Used
+                }
+                Err(fate) => fate,
+            };
+            *self.count_of(fate) += 1;
+        }
+        let patches = patches.finish();
+        if let (Some(field), Some((error, hall_from_body))) = (&mut self.field, shared)
+            && !patches.is_empty()
+        {
+            field.push(Footprint { error, hall_from_body, patches });
+        }
+    }
+
+    fn gather(&self, hit: &Hit, hall_from_body: &Transform<Hall, Body>, to: &mut PatchGatherer) {
+        let grid = self.grid.grid().geometry();
+        let arm_m = hall_from_body.inverse() * hit.place;
+        let node = |place_m: f64, min_m: f64| (place_m - min_m) / grid.cell_m - 0.5;
+        let p = hit.place.coords;
+        to.push(&hit.place, &arm_m.coords, (node(p.x, grid.x_min_m), node(p.y, grid.y_min_m)));
+    }
+
+    const fn count_of(&mut self, fate: Fate) -> &mut u64 {
+        let counts = &mut self.counts;
+        match fate {
+            Fate::Used => &mut counts.used,
+            Fate::NoReturn => &mut counts.no_return,
+            Fate::OwnBody => &mut counts.own_body,
+            Fate::Outside => &mut counts.outside,
+            Fate::NoPose => &mut counts.no_pose,
+            Fate::PoorPose => &mut counts.poor_pose,
         }
     }
 
     /// Begins a new map; the counts go on.
     pub fn restart(&mut self) {
-        self.grid = KalmanGrid::new(*self.grid.geometry(), self.settings.kalman_grid);
-    }
-
-    /// The volume of the cells as they are, their variances added: what is left when the field
-    /// between them cannot be solved.
-    #[must_use]
-    pub fn cell_volume(&self, at: Stamp<Mono>) -> VolumeEstimate {
-        let areas_m2 = &self.base.cell_areas_m2;
-        let var_m6: f64 =
-            std::iter::zip(areas_m2, self.grid.var_m2()).map(|(a, v)| a * a * v).sum();
-        VolumeEstimate {
-            at,
-            volume_m3: self.base.volume_m3(self.grid.mean_m()),
-            sigma_m3: var_m6.sqrt(),
-            coverage_ratio: self.coverage_ratio(),
+        self.grid.restart();
+        if let Some(field) = &mut self.field {
+            field.restart();
         }
     }
 
-    fn coverage_ratio(&self) -> f64 {
-        self.base.area_share(|cell| self.grid.n_hits()[cell] > 0)
+    /// The volumes of the cells as they are: what is left when the surface cannot be solved.
+    #[must_use]
+    pub fn cell_volumes(&self, at: Stamp<Mono>) -> Vec<VolumeAccount> {
+        self.grid.cell_volumes(at)
     }
 
     /// Counts a scan that was taken while nothing was measured.
@@ -136,44 +170,32 @@ impl Mapper {
         self.counts.no_pose += n_beams;
     }
 
-    fn insert_beam(
-        &mut self,
+    /// Where a beam hit the surface and from which pose, or why it did not.
+    fn hit(
+        &self,
         beam: &Beam,
         pose_at: impl FnOnce() -> Option<PoseWithCov>,
-    ) -> BeamFate {
+    ) -> Result<(Hit, Transform<Hall, Body>), Fate> {
         let mount = &self.settings.lidar;
         let range_m = f64::from(beam.range_m);
         if !(mount.min_range_m..=mount.max_range_m).contains(&range_m) {
-            return BeamFate::NoReturn;
+            return Err(Fate::NoReturn);
         }
         if mount.is_blind(f64::from(beam.angle_rad)) {
-            return BeamFate::OwnBody;
+            return Err(Fate::OwnBody);
         }
-        let Some((hall_from_body, pose_cov)) = pose_at() else { return BeamFate::NoPose };
+        let (hall_from_body, pose_cov) = pose_at().ok_or(Fate::NoPose)?;
         let worst_var_m2 = (0..3).map(|axis| pose_cov[(axis, axis)]).fold(0.0, f64::max);
         if worst_var_m2 > self.settings.max_position_sigma_m.powi(2) {
-            return BeamFate::PoorPose;
+            return Err(Fate::PoorPose);
         }
         let hit = project(mount, beam, &hall_from_body, &pose_cov);
         let p = hit.place.coords;
         let is_surface = (self.lowest_m..=self.settings.max_height_m).contains(&p.z);
         if !is_surface || !self.settings.region.accepts(p.x, p.y) {
-            return BeamFate::Outside;
+            return Err(Fate::Outside);
         }
-        self.insert_hit(&hit);
-        BeamFate::Used
-    }
-
-    fn insert_hit(&mut self, hit: &Hit) {
-        let place = (hit.place.coords.x, hit.place.coords.y);
-        let cell = self.grid.geometry().cell_at(place.0, place.1);
-        // Looking for walls in between costs more than the update, and most cells have none near.
-        if cell.is_some_and(|cell| self.is_near_exclusion[cell]) {
-            let region = &self.settings.region;
-            self.grid.insert(hit, |centre| !region.separates(place, centre));
-        } else {
-            self.grid.insert(hit, |_| true);
-        }
+        Ok((hit, hall_from_body))
     }
 
     /// Where the beams went so far.
@@ -182,50 +204,56 @@ impl Mapper {
         self.counts
     }
 
-    /// The cells.
+    /// The paper's cells.
     #[must_use]
     pub const fn grid(&self) -> &KalmanGrid {
-        &self.grid
+        self.grid.grid()
     }
 
     /// Which area counts.
     #[must_use]
-    pub const fn base(&self) -> &Base {
-        &self.base
-    }
-
-    /// h0: configured, or the mean height of the cells that a beam has hit.
-    fn prior_height_m(&self) -> f64 {
-        let configured_m = self.settings.kalman_grid.prior_height_m;
-        if !self.settings.estimates_prior_height {
-            return configured_m;
-        }
-        let areas_m2 = self.base.cell_areas_m2.iter().zip(self.grid.n_hits());
-        let (area_m2, volume_m3) = std::iter::zip(areas_m2, self.grid.mean_m())
-            .filter(|((_, n_hits), _)| **n_hits > 0)
-            .fold((0.0, 0.0), |(area, volume), ((a, _), mean)| (area + a, volume + a * mean));
-        if area_m2 > 0.0 { volume_m3 / area_m2 } else { configured_m }
+    pub fn base(&self) -> &Base {
+        &self.bases[0].1
     }
 
     /// Everything a solve of the surface needs, as it is now.
     #[must_use]
-    pub fn snapshot(&self, at: Stamp<Mono>, wants_marginals: bool) -> SolveSurface {
-        let prior_height_m = self.prior_height_m();
-        SolveSurface {
-            at,
-            geometry: *self.grid.geometry(),
-            cell_mean_m: self.grid.mean_on_prior_m(prior_height_m),
-            cell_var_m2: self.grid.var_m2().to_vec(),
-            coverage_ratio: self.coverage_ratio(),
-            base: self.base.clone(),
-            gp: sparse_gp::Settings { mean_m: prior_height_m, ..self.settings.gp },
-            volume_variance: self.settings.volume_variance,
-            wants_marginals,
+    pub fn snapshot(&self, at: Stamp<Mono>, is_final: bool) -> SolveSurface {
+        self.field.as_ref().map_or_else(
+            || SolveSurface::KalmanGrid(Box::new(self.grid.snapshot(at, is_final))),
+            |field| SolveSurface::MaternField(Box::new(field.snapshot(at, is_final))),
+        )
+    }
+
+    /// Learns from a solved surface: slopes, and what the next solve starts from.
+    pub fn absorb(&mut self, solved: &SolvedSurface) {
+        self.counts.refused = solved.n_beams_refused;
+        if let (Some(field), Some(newest)) = (&mut self.field, &solved.newest) {
+            field.absorb(Arc::clone(newest));
         }
     }
 }
 
-enum BeamFate {
+/// When half of a scan's time is over.
+fn middle_of(scan: &Scan) -> Stamp<Mono> {
+    scan.start
+        .plus(Duration::from_nanos(scan.beams.last().map_or(0, |b| u64::from(b.offset_ns) / 2)))
+}
+
+fn field_setup(settings: &Settings, geometry: &GridGeometry, bases: &Bases) -> Arc<Setup> {
+    let padding_m = PADDING_RANGES * settings.field.range_m;
+    Arc::new(Setup {
+        settings: settings.field,
+        lattice: Arc::new(Lattice::covering(geometry, padding_m, |a, b| {
+            settings.region.separates(a, b)
+        })),
+        lidar: settings.lidar.clone(),
+        bases: Arc::clone(bases),
+    })
+}
+
+#[derive(Debug, Clone, Copy)]
+enum Fate {
     Used,
     NoReturn,
     OwnBody,
@@ -234,61 +262,49 @@ enum BeamFate {
     PoorPose,
 }
 
-/// The work of turning cells into a surface and a volume; a pure function of its fields.
+/// The work of turning what was seen into a surface and its volumes.
 #[derive(Debug, Clone, PartialEq)]
-pub struct SolveSurface {
-    at: Stamp<Mono>,
-    geometry: GridGeometry,
-    cell_mean_m: Vec<f64>,
-    cell_var_m2: Vec<f64>,
-    coverage_ratio: f64,
-    base: Base,
-    gp: sparse_gp::Settings,
-    volume_variance: VolumeVariance,
-    wants_marginals: bool,
+pub enum SolveSurface {
+    /// By the paper's grid.
+    KalmanGrid(Box<SolveGrid>),
+    /// By the field.
+    MaternField(Box<SolveField>),
+}
+
+/// Why there is no surface.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum SolveError {
+    /// From the paper's grid.
+    #[error(transparent)]
+    Grid(#[from] GpError),
+    /// From the field.
+    #[error(transparent)]
+    Field(#[from] FieldError),
 }
 
 /// What a [`SolveSurface`] found.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SolvedSurface {
-    /// How much there is.
-    pub volume: VolumeEstimate,
+    /// The whole region first, then its bays.
+    pub accounts: Vec<VolumeAccount>,
     /// The surface; its σ is the cells' own where the marginals were not asked for.
     pub surface: HeightMap,
+    /// Beams that hit something, but not the surface: dust, edges, machines.
+    pub n_beams_refused: u64,
+    /// Where the next solve of a field starts.
+    pub newest: Option<Arc<NewestField>>,
 }
 
 impl SolveSurface {
     /// Solves.
     ///
     /// # Errors
-    /// [`GpError`] from the Gaussian process.
-    pub fn run(&self) -> Result<SolvedSurface, GpError> {
-        let posterior =
-            Posterior::new(&self.geometry, &self.cell_mean_m, &self.cell_var_m2, &self.gp)?;
-        let needs_marginals =
-            self.wants_marginals || self.volume_variance == VolumeVariance::Printed;
-        let var_m2 =
-            if needs_marginals { posterior.marginal_var_m2() } else { self.cell_var_m2.clone() };
-        let areas_m2 = &self.base.cell_areas_m2;
-        let volume_var = match self.volume_variance {
-            VolumeVariance::Full => posterior.sum_var(areas_m2),
-            VolumeVariance::Printed => {
-                std::iter::zip(areas_m2, &var_m2).map(|(area, var)| area * area * var).sum()
-            }
-        };
-        let volume = VolumeEstimate {
-            at: self.at,
-            volume_m3: self.base.volume_m3(posterior.mean_m()),
-            sigma_m3: volume_var.sqrt(),
-            coverage_ratio: self.coverage_ratio,
-        };
-        let surface = HeightMap {
-            at: self.at,
-            grid: self.geometry,
-            mean_m: posterior.mean_m().to_vec(),
-            sigma_m: var_m2.iter().map(|var| var.sqrt()).collect(),
-        };
-        Ok(SolvedSurface { volume, surface })
+    /// [`SolveError`] from the method.
+    pub fn run(&self) -> Result<SolvedSurface, SolveError> {
+        Ok(match self {
+            Self::KalmanGrid(work) => work.run()?,
+            Self::MaternField(work) => work.run()?,
+        })
     }
 }
 
@@ -297,10 +313,11 @@ mod tests {
     use super::super::region::Rect;
     use super::*;
     use crate::geometry::{Point, Rotation};
+    use nalgebra::{SMatrix, Vector3};
 
-    fn settings() -> Settings {
-        let kalman_grid = kalman_grid::Settings::default();
+    fn settings(method: Method) -> Settings {
         Settings {
+            method,
             region: Region {
                 bounds: Rect { x_min_m: 0.0, y_min_m: 0.0, x_max_m: 6.0, y_max_m: 6.0 },
                 exclusions: Vec::new(),
@@ -322,19 +339,21 @@ mod tests {
                 max_range_m: 12.0,
                 blind_sectors_rad: vec![(2.6, 3.2)],
             },
-            kalman_grid,
-            gp: sparse_gp::Settings {
-                smoothness_nu: 1.5,
-                length_scale_m: 0.5,
-                reach: 1.5,
-                sigma_m: 1.5,
-                mean_m: 1.5,
-                cut: sparse_gp::Cut::Taper,
-            },
-            estimates_prior_height: true,
-            volume_variance: VolumeVariance::Full,
+            grid: grid_map::Settings::default(),
+            field: field_map::Settings { estimates_prior: false, ..Default::default() },
             max_position_sigma_m: 0.2,
         }
+    }
+
+    fn pose_error(at: Stamp<Mono>, _: Option<Stamp<Mono>>) -> Option<PoseError> {
+        Some(PoseError {
+            at,
+            cov: SMatrix::identity() * 1e-6,
+            from_previous: SMatrix::zeros(),
+            velocity_mps: Vector3::zeros(),
+            rate_radps: Vector3::zeros(),
+            tags: Vec::new(),
+        })
     }
 
     /// A sweep over a level surface at 1.2 m, every beam exact.
@@ -351,23 +370,28 @@ mod tests {
                 })
                 .collect();
             let scan = Scan { start: Stamp::ZERO, beams };
-            mapper.insert(&scan, |_| Some((pose, Matrix6::identity() * 1e-6)));
+            mapper.insert(&scan, |_| Some((pose, Matrix6::identity() * 1e-6)), pose_error);
         }
     }
 
     #[test]
     fn a_level_surface_has_the_volume_of_its_box() {
-        let mut mapper = Mapper::new(settings());
-        sweep(&mut mapper);
-        let solved = mapper.snapshot(Stamp::ZERO, true).run().expect("solved");
-        // 6 × 6 × 1.2 = 43.2 m³; the prior pulls each cell by less than 1 %.
-        assert!((solved.volume.volume_m3 - 43.2).abs() < 0.43, "{:?}", solved.volume);
-        assert!(solved.volume.coverage_ratio > 0.95);
+        for method in [Method::KalmanGrid, Method::MaternField] {
+            let mut mapper = Mapper::new(settings(method));
+            sweep(&mut mapper);
+            let solved = mapper.snapshot(Stamp::ZERO, true).run().expect("solved");
+            let hall = &solved.accounts[0];
+            // 6 × 6 × 1.2 = 43.2 m³; the grid's prior pulls each cell by less than 1 %.
+            assert!((hall.estimate.volume_m3 - 43.2).abs() < 0.43, "{method:?} {hall:?}");
+            assert!(hall.estimate.coverage_ratio > 0.95);
+            let sigma_m3 = hall.budget.var_m6().sqrt();
+            assert!((hall.estimate.sigma_m3 - sigma_m3).abs() < 1e-9 * sigma_m3);
+        }
     }
 
     #[test]
     fn every_beam_is_counted_once() {
-        let mut mapper = Mapper::new(settings());
+        let mut mapper = Mapper::new(settings(Method::KalmanGrid));
         let beam = |angle_rad, range_m| Beam { offset_ns: 0, angle_rad, range_m, intensity: 0 };
         let scan = Scan {
             start: Stamp::ZERO,
@@ -380,11 +404,10 @@ mod tests {
             ],
         };
         let pose = Transform::new(Rotation::identity(), Point::new(3.0, 3.0, 5.0));
-        mapper.insert(&scan, |_| Some((pose, Matrix6::zeros())));
-        mapper.insert(&Scan { start: Stamp::ZERO, beams: vec![beam(0.0, 4.0)] }, |_| None);
-        mapper.insert(&Scan { start: Stamp::ZERO, beams: vec![beam(0.0, 4.0)] }, |_| {
-            Some((pose, Matrix6::identity()))
-        });
+        mapper.insert(&scan, |_| Some((pose, Matrix6::zeros())), pose_error);
+        let one = Scan { start: Stamp::ZERO, beams: vec![beam(0.0, 4.0)] };
+        mapper.insert(&one, |_| None, pose_error);
+        mapper.insert(&one, |_| Some((pose, Matrix6::identity())), pose_error);
         let expected = HitCounts {
             received: 7,
             used: 1,
@@ -394,6 +417,7 @@ mod tests {
             no_pose: 1,
             poor_pose: 1,
             on_ground: 0,
+            refused: 0,
         };
         assert_eq!(mapper.counts(), expected);
     }

@@ -9,6 +9,11 @@
 //! ```
 //! and every `Z_ki` needed lies in the pattern already.
 
+mod analysis;
+mod selected_inverse;
+
+pub use analysis::{Analysis, Factor};
+
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt::factor::LltRegularization;
 use faer::prelude::MatMut;

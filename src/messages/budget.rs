@@ -5,8 +5,10 @@
 pub enum BudgetSource {
     /// Surface that was thinly seen or not at all.
     Prior,
-    /// Range and angle noise of the beams, and roughness below a cell's size.
+    /// Range and angle noise of the beams.
     BeamNoise,
+    /// Roughness below a cell's size, which the nodes of the surface cannot show.
+    Roughness,
     /// The vehicle's pose, correlated along the flight.
     Pose,
     /// How the LiDAR is bolted on: one constant error per axis of position and rotation.
@@ -27,9 +29,10 @@ pub enum BudgetSource {
 
 impl BudgetSource {
     /// Every source, in the order of a measurement's path.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::Prior,
         Self::BeamNoise,
+        Self::Roughness,
         Self::Pose,
         Self::LidarMounting,
         Self::RangeBias,
@@ -46,6 +49,7 @@ impl BudgetSource {
         match self {
             Self::Prior => "prior",
             Self::BeamNoise => "beam_noise",
+            Self::Roughness => "roughness",
             Self::Pose => "pose",
             Self::LidarMounting => "lidar_mounting",
             Self::RangeBias => "range_bias",

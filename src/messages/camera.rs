@@ -54,7 +54,16 @@ pub struct TagDetection {
     pub decision_margin: f64,
 }
 
-/// All tags of one frame.
+/// One mapped point in one frame, found by whatever knows it: a lamp, a painted cross, a corner.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PointDetection {
+    /// The number of the point in the marker map.
+    pub id: u32,
+    /// Where it was seen, px; the convention is that of [`TagDetection::corners_px`].
+    pub pixel_px: [f64; 2],
+}
+
+/// All tags and points of one frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TagDetections {
     /// Middle of the exposure.
@@ -65,4 +74,6 @@ pub struct TagDetections {
     pub camera: CameraId,
     /// The tags, in the detector's order.
     pub tags: Vec<TagDetection>,
+    /// Mapped points that belong to no tag, in the detector's order.
+    pub points: Vec<PointDetection>,
 }

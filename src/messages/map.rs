@@ -1,5 +1,6 @@
 //! The measured surface and its volume.
 
+use super::VolumeBudget;
 use crate::time::{Mono, Stamp};
 
 /// A regular grid of square cells over the region of interest.
@@ -108,6 +109,30 @@ pub struct VolumeEstimate {
     pub coverage_ratio: f64,
 }
 
+/// How much of a volume rests on measurements; the three add up to 1.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct VolumeShares {
+    /// Over cells that a beam has hit, 0 to 1.
+    pub measured_ratio: f64,
+    /// Near such cells, 0 to 1.
+    pub interpolated_ratio: f64,
+    /// Where nothing was seen, 0 to 1.
+    pub unseen_ratio: f64,
+}
+
+/// One volume with the account of its uncertainty: of the whole region, or of one bay.
+#[derive(Debug, Clone, PartialEq)]
+pub struct VolumeAccount {
+    /// What is measured.
+    pub name: String,
+    /// How much there is.
+    pub estimate: VolumeEstimate,
+    /// Where the uncertainty comes from.
+    pub budget: VolumeBudget,
+    /// How much of it rests on measurements.
+    pub shares: VolumeShares,
+}
+
 /// Where every beam went; the counts add up to `received`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct HitCounts {
@@ -127,4 +152,6 @@ pub struct HitCounts {
     pub poor_pose: u64,
     /// Beams while the vehicle was not flying a survey.
     pub on_ground: u64,
+    /// Beams among `used` that turned out not to be of the surface: dust, edges, machines.
+    pub refused: u64,
 }

@@ -122,6 +122,21 @@ pub enum Verdict {
     NotInitialized,
     /// The solution does not explain the pixels.
     BadResidual,
+    /// The picture repeats an older one although the vehicle moved.
+    Frozen,
+    /// The pose has not the tilt that gravity shows at rest.
+    AgainstGravity,
+}
+
+/// What was to be fused.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum FixSource {
+    /// The pose of a frame, six numbers at once.
+    Loose,
+    /// The points of a frame, one by one.
+    Tight,
+    /// That the vehicle stands still, over about a second of attempts.
+    Standstill,
 }
 
 /// A pose measured from one frame of tags.
@@ -136,26 +151,40 @@ pub struct FixOutcome {
     /// Quality of the fix by its pixels alone: 1/√tr(Σ^χ), m² and rad² added as the paper does; an
     /// uncertain capture time widens `pose_cov` but not this.
     pub q_pos: f64,
+    /// The same of the position alone, 1/m: 1/√tr of the upper left 3×3 of Σ^χ.
+    pub q_position: f64,
 }
 
-/// The record of one attempt to fuse a frame of tags.
+/// The record of one attempt to fuse a frame of tags, or of some attempts to fuse a standstill.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FixRecord {
-    /// When the frame was exposed.
+    /// When the frame was exposed; the last attempt of a standstill.
     pub at: Stamp<Mono>,
     /// How late it arrived at the filter, s.
     pub age_s: f64,
+    /// What was to be fused in the end.
+    pub source: FixSource,
     /// Tags in the frame.
     pub n_tags: usize,
     /// Tags that are in the marker map and were used.
     pub n_tags_used: usize,
-    /// The fix, if one was found.
+    /// Points that were tried; attempts of a standstill.
+    pub n_points: usize,
+    /// Points that passed their gates; of a loose fix all that went into it; of a standstill the
+    /// attempts that were fused.
+    pub n_points_used: usize,
+    /// The fix, if one was found; a tight update needs none.
     pub fix: Option<FixOutcome>,
-    /// Innovation of the six pose components, if it came that far: m and rad.
+    /// Innovation, if it came that far: six pose components, m and rad, of a loose fix; where the
+    /// points, weighed against the state, see the pose, of a tight one; velocity (m/s) and
+    /// gyroscope bias (rad/s) of a standstill.
     pub innovation: Option<[f64; 6]>,
+    /// Covariance that the innovation should have, 6×6 by rows.
+    pub innovation_cov: Option<[[f64; 6]; 6]>,
     /// Normalised innovation squared.
     pub nis: Option<f64>,
-    /// The bound that `nis` had to keep.
+    /// The bound that `nis` had to keep: 99 % of χ² with 6 degrees of freedom, or of a tight update
+    /// with two for each point used.
     pub nis_gate: f64,
     /// What became of it.
     pub verdict: Verdict,
@@ -168,10 +197,14 @@ impl FixRecord {
         Self {
             at: frame.captured_at,
             age_s: frame.received_at.seconds_since(frame.captured_at),
+            source: FixSource::Loose,
             n_tags: frame.tags.len(),
             n_tags_used: 0,
+            n_points: 0,
+            n_points_used: 0,
             fix: None,
             innovation: None,
+            innovation_cov: None,
             nis: None,
             nis_gate,
             verdict,

@@ -4,7 +4,7 @@ use super::job::{Job, JobOutput};
 use crate::messages::{
     AutopilotPose, BatterySample, CommandOutcome, FixRecord, HeightMap, HitCounts, ImuSample,
     NavEstimate, OperatorAnswer, OperatorCommand, Scan, Setpoint, StatusText, TagDetections,
-    VehicleCommand, VehicleState, VolumeEstimate,
+    VehicleCommand, VehicleState, VolumeAccount, VolumeEstimate,
 };
 use crate::mission::Phase;
 use crate::time::{Mono, Stamp};
@@ -75,6 +75,8 @@ pub enum Action {
     FixTreated(Box<FixRecord>),
     /// A new surface (for the log).
     SurfaceSolved(Box<HeightMap>),
+    /// The volumes of a new surface with the accounts of their uncertainty (for the log).
+    VolumesAccounted(Vec<VolumeAccount>),
     /// The flight is over: landed and disarmed with its final result, or aborted on the ground.
     Ended(Box<FlightSummary>),
 }
@@ -112,12 +114,14 @@ pub struct PhaseChange {
 }
 
 /// What one flight came to.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct FlightSummary {
     /// When it ended.
     pub at: Stamp<Mono>,
-    /// The volume after the last solve.
+    /// The volume of the whole region after the last solve.
     pub volume: VolumeEstimate,
+    /// The account of that volume, then those of the bays.
+    pub accounts: Vec<VolumeAccount>,
     /// Where the beams went.
     pub hits: HitCounts,
     /// Waypoints whose time on the trajectory has passed.

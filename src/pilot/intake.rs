@@ -4,7 +4,9 @@
 //! future would put the filter there, where it refuses everything that follows; a force that no
 //! accelerometer can show would fill it with infinities.
 
-use crate::messages::{FixRecord, ImuSample, Scan, TagDetections, Verdict};
+use crate::messages::{
+    FixRecord, ImuSample, LandedState, Scan, TagDetections, VehicleState, Verdict,
+};
 use crate::stats::chi2_gate_99;
 use crate::time::{Mono, Stamp};
 use std::time::Duration;
@@ -36,6 +38,41 @@ pub(super) fn refusal_of_frame(frame: &TagDetections, now: Stamp<Mono>) -> Optio
     Some(FixRecord::of_frame(frame, chi2_gate_99(6), verdict))
 }
 
+/// True if the autopilot's words leave no doubt: a vehicle whose motors may turn can leave the
+/// ground before it says so.
+pub(super) fn is_on_ground(vehicle: &VehicleState) -> bool {
+    !vehicle.is_armed && matches!(vehicle.landed, LandedState::OnGround | LandedState::Unknown)
+}
+
+/// Which frames can still come.
+#[derive(Debug, Clone)]
+pub(super) struct FrameWatch {
+    /// The newest treated frame of each camera, if it was ever heard.
+    newest: Vec<Option<Stamp<Mono>>>,
+}
+
+impl FrameWatch {
+    /// A watch over this many cameras.
+    pub(super) fn new(n_cameras: usize) -> Self {
+        Self { newest: vec![None; n_cameras] }
+    }
+
+    /// Remembers a treated frame.
+    pub(super) fn note(&mut self, frame: &TagDetections, verdict: Verdict) {
+        // A stamp ahead of all samples would say that no frame is expected for a while.
+        if verdict != Verdict::FromTheFuture
+            && let Some(newest) = self.newest.get_mut(usize::from(frame.camera.0))
+        {
+            *newest = Some(frame.captured_at).max(*newest);
+        }
+    }
+
+    /// True once every camera that was heard has delivered a frame captured at `at` or later.
+    pub(super) fn have_passed(&self, at: Stamp<Mono>) -> bool {
+        self.newest.iter().flatten().all(|newest| *newest >= at)
+    }
+}
+
 fn is_near(at: Stamp<Mono>, now: Stamp<Mono>) -> Result<(), Verdict> {
     if at > now.plus(MAX_AHEAD) {
         Err(Verdict::FromTheFuture)
@@ -49,6 +86,7 @@ fn is_near(at: Stamp<Mono>, now: Stamp<Mono>) -> Result<(), Verdict> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::messages::CameraId;
     use nalgebra::Vector3;
 
     fn at_s(seconds: i64) -> Stamp<Mono> {
@@ -73,12 +111,33 @@ mod tests {
     }
 
     #[test]
+    fn scans_wait_for_every_camera_that_was_heard() {
+        let frame = |camera: u8, captured_at| TagDetections {
+            captured_at,
+            received_at: captured_at,
+            camera: CameraId(camera),
+            tags: Vec::new(),
+            points: Vec::new(),
+        };
+        let mut watch = FrameWatch::new(2);
+        assert!(watch.have_passed(at_s(1)), "no camera, nothing to wait for");
+        watch.note(&frame(0, at_s(10)), Verdict::Fused);
+        watch.note(&frame(1, at_s(9)), Verdict::NoKnownTag);
+        assert!(watch.have_passed(at_s(9)) && !watch.have_passed(at_s(10)));
+        // A late frame and one from the future move nothing.
+        watch.note(&frame(1, at_s(8)), Verdict::TooOld);
+        watch.note(&frame(1, at_s(90)), Verdict::FromTheFuture);
+        assert!(watch.have_passed(at_s(9)) && !watch.have_passed(at_s(10)));
+    }
+
+    #[test]
     fn a_refused_frame_leaves_a_record() {
         let frame = |captured_at| TagDetections {
             captured_at,
             received_at: at_s(100),
-            camera: crate::messages::CameraId(0),
+            camera: CameraId(0),
             tags: Vec::new(),
+            points: Vec::new(),
         };
         let verdict = |at| refusal_of_frame(&frame(at), at_s(100)).map(|record| record.verdict);
         assert_eq!(verdict(at_s(3_000)), Some(Verdict::FromTheFuture));

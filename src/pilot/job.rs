@@ -1,7 +1,6 @@
 //! Long work that runs beside the brain and returns at a recorded place in the event order.
 
-use crate::mapping::sparse_gp::GpError;
-use crate::mapping::{SolveSurface, SolvedSurface};
+use crate::mapping::{SolveError, SolveSurface, SolvedSurface};
 use crate::planning::Waypoint;
 use crate::planning::greedy::ChooseWaypoint;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -19,7 +18,7 @@ pub enum Job {
 #[derive(Debug, Clone, PartialEq)]
 pub enum JobOutput {
     /// The surface and its volume.
-    SurfaceSolved(Result<SolvedSurface, GpError>),
+    SurfaceSolved(Result<SolvedSurface, SolveError>),
     /// The next waypoint; `None` if nothing feasible is in reach.
     WaypointChosen(Option<Waypoint>),
     /// The work broke off in a defect of the program.

@@ -98,6 +98,9 @@ pub(super) fn encode_action(action: &Action) -> serde_json::Result<Encoded> {
         Action::SurfaceSolved(it) => {
             encode_by(Topic::Surface, |to| twin::SurfaceTwin::serialize(it, to))
         }
+        Action::VolumesAccounted(it) => {
+            encode(Topic::Accounts, &twin::AccountsTwin::from(it.as_slice()))
+        }
         Action::Ended(it) => encode_by(Topic::Ended, |to| twin::EndedTwin::serialize(it, to)),
     }
 }

@@ -74,6 +74,8 @@ topics! {
     Fix = "/result/fix", twin::FixTwin;
     /// The surface.
     Surface = "/result/surface", twin::SurfaceTwin;
+    /// The volumes of a surface with the accounts of their uncertainty.
+    Accounts = "/result/accounts", twin::AccountsTwin;
     /// What the flight came to.
     Ended = "/result/ended", twin::EndedTwin;
     /// Versions and the effective configuration; the first message of every file.

@@ -14,6 +14,6 @@ pub(super) use events::{
     OperatorTwin, ScanTwin, TagsTwin, VehicleTwin,
 };
 pub(super) use results::{
-    AnswerTwin, CommandTwin, EndedTwin, FixTwin, OdometryTwin, PhaseTwin, SetpointTwin,
-    StartedTwin, SurfaceTwin, TextTwin, VolumeReportTwin,
+    AccountsTwin, AnswerTwin, CommandTwin, EndedTwin, FixTwin, OdometryTwin, PhaseTwin,
+    SetpointTwin, StartedTwin, SurfaceTwin, TextTwin, VolumeReportTwin,
 };

@@ -237,7 +237,7 @@ impl Brain {
                 self.show_status(change.at);
             }
             Action::Ended(summary) => {
-                self.status.flight = Some(**summary);
+                self.status.flight = Some((**summary).clone());
                 self.show_status(summary.at);
             }
             Action::Say(line) if line.severity <= Severity::Warning => {

@@ -2,5 +2,10 @@
 
 #![expect(clippy::expect_used, reason = "a helper of tests stops where its premise fails")]
 
+mod faults;
+mod ground;
+mod interruptions;
+mod latency;
 mod nees;
+mod scene;
 mod truth;

@@ -37,7 +37,11 @@ pub(crate) struct Motion {
     position: [Sine; 3],
     /// Roll, pitch, yaw.
     angles: [Sine; 3],
+    /// Before this the vehicle stands, s; then it takes [`RAMP_S`] to come up to speed.
+    stands_until: f64,
 }
+
+const RAMP_S: f64 = 2.0;
 
 impl Motion {
     pub(crate) fn drawn(noise: &mut Noise) -> Self {
@@ -49,22 +53,47 @@ impl Motion {
         Self {
             position: [sine(4.0, 0.2, 0.5), sine(4.0, 0.2, 0.5), sine(1.0, 0.2, 0.6)],
             angles: [sine(0.15, 0.5, 1.5), sine(0.15, 0.5, 1.5), sine(1.2, 0.2, 0.5)],
+            stands_until: f64::NEG_INFINITY,
+        }
+    }
+
+    /// The same, but it stands for a while first.
+    pub(crate) fn standing_until(self, stands_until: f64) -> Self {
+        Self { stands_until, ..self }
+    }
+
+    /// The sines' own time u(t) with its first and second derivative: it stands, speeds up evenly,
+    /// then runs as t does.
+    fn own_time(&self, t: f64) -> (f64, f64, f64) {
+        let since = t - self.stands_until;
+        if !self.stands_until.is_finite() {
+            (t, 1.0, 0.0)
+        } else if since <= 0.0 {
+            (0.0, 0.0, 0.0)
+        } else if since < RAMP_S {
+            (since * since / (2.0 * RAMP_S), since / RAMP_S, 1.0 / RAMP_S)
+        } else {
+            (since - 0.5 * RAMP_S, 1.0, 0.0)
         }
     }
 
     pub(crate) fn velocity_mps(&self, t: f64) -> Vector3<f64> {
-        Vector3::from(self.position.map(|sine| sine.first(t)))
+        let (u, du, _) = self.own_time(t);
+        Vector3::from(self.position.map(|sine| sine.first(u) * du))
     }
 
     pub(crate) fn pose(&self, t: f64) -> Transform<Hall, Body> {
-        let [roll, pitch, yaw] = self.angles.map(|sine| sine.value(t));
-        let [x, y, z] = self.position.map(|sine| sine.value(t));
+        let (u, ..) = self.own_time(t);
+        let [roll, pitch, yaw] = self.angles.map(|sine| sine.value(u));
+        let [x, y, z] = self.position.map(|sine| sine.value(u));
         Transform::new(Rotation::from_euler_rad(roll, pitch, yaw), Point::new(x, y, z))
     }
 
     /// Specific force in body axes: `Rᵀ (a + g e_z)`.
     fn force_mps2(&self, t: f64) -> Vector3<f64> {
-        let accel = Vector3::from(self.position.map(|sine| sine.second(t)));
+        let (u, du, ddu) = self.own_time(t);
+        let accel =
+            Vector3::from(self.position.map(|sine| sine.second(u) * du * du + sine.first(u) * ddu));
         let felt = accel + Vector3::z() * GRAVITY_MPS2;
         self.pose(t).rotation.matrix().transpose() * felt
     }
@@ -75,9 +104,10 @@ impl Motion {
     /// ω = (φ′ − ψ′ sin θ, θ′ cos φ + ψ′ sin φ cos θ, −θ′ sin φ + ψ′ cos φ cos θ)
     /// ```
     /// Source: Diebel 2006, eq. (73).
-    fn rate_radps(&self, t: f64) -> Vector3<f64> {
-        let [roll, pitch, _] = self.angles.map(|sine| sine.value(t));
-        let [d_roll, d_pitch, d_yaw] = self.angles.map(|sine| sine.first(t));
+    pub(crate) fn rate_radps(&self, t: f64) -> Vector3<f64> {
+        let (u, du, _) = self.own_time(t);
+        let [roll, pitch, _] = self.angles.map(|sine| sine.value(u));
+        let [d_roll, d_pitch, d_yaw] = self.angles.map(|sine| sine.first(u) * du);
         let ((sr, cr), (sp, cp)) = (roll.sin_cos(), pitch.sin_cos());
         Vector3::new(
             d_roll - d_yaw * sp,
@@ -146,6 +176,7 @@ pub(crate) fn fix(
         pose_cov: *pose_cov,
         residual_rms_px: 0.5,
         q_pos: 1.0 / pose_cov.trace().sqrt(),
+        q_position: 1.0 / pose_cov.fixed_view::<3, 3>(0, 0).trace().sqrt(),
     }
 }
 
@@ -156,10 +187,19 @@ pub(crate) fn stamp(t: f64) -> Stamp<Mono> {
 
 #[test]
 fn angular_velocity_is_the_derivative_of_the_attitude() {
-    let motion = Motion::drawn(&mut stockpilot::stats::SeedBook::new(3).stream("motion"));
-    for k in 0..20 {
-        let (t, h) = (f64::from(k), 1e-5);
-        let turn = motion.pose(t + h).rotation.minus(&motion.pose(t - h).rotation) / (2.0 * h);
-        assert!((turn - motion.rate_radps(t)).norm() < 1e-7);
+    for stands_until in [f64::NEG_INFINITY, 2.5] {
+        let mut noise = stockpilot::stats::SeedBook::new(3).stream("motion");
+        let motion = Motion::drawn(&mut noise).standing_until(stands_until);
+        for k in 0..20 {
+            let (t, h) = (f64::from(k) + 0.2, 1e-5);
+            let (a, b) = (motion.pose(t - h), motion.pose(t + h));
+            let turn = b.rotation.minus(&a.rotation) / (2.0 * h);
+            assert!((turn - motion.rate_radps(t)).norm() < 1e-7);
+            let velocity = (b.origin - a.origin).coords / (2.0 * h);
+            assert!((velocity - motion.velocity_mps(t)).norm() < 1e-7);
+            let accel = (motion.velocity_mps(t + h) - motion.velocity_mps(t - h)) / (2.0 * h);
+            let felt = a.rotation.matrix() * motion.force_mps2(t) - Vector3::z() * GRAVITY_MPS2;
+            assert!((accel - felt).norm() < 1e-3, "{}", (accel - felt).norm());
+        }
     }
 }

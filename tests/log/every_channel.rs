@@ -6,10 +6,12 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use stockpilot::geometry::{Body, Direction, Hall, Point, Rotation, Transform};
 use stockpilot::messages::{
-    AutopilotPose, BatterySample, Beam, CameraId, CommandOutcome, FixOutcome, FixRecord,
-    FlightMode, GridGeometry, HeightMap, HitCounts, LandedState, NavEstimate, OperatorAnswer,
-    OperatorCommand, OperatorRequest, OperatorVerb, Scan, Setpoint, Severity, StatusText,
-    TagDetection, TagDetections, TagFamily, VehicleCommand, VehicleState, Verdict, VolumeEstimate,
+    AutopilotPose, BatterySample, Beam, BudgetRow, BudgetSource, CameraId, CommandOutcome,
+    FixOutcome, FixRecord, FixSource, FlightMode, GridGeometry, HeightMap, HitCounts, LandedState,
+    NavEstimate, OperatorAnswer, OperatorCommand, OperatorRequest, OperatorVerb, PointDetection,
+    Scan, Setpoint, Severity, SharedSensitivity, StatusText, TagDetection, TagDetections,
+    TagFamily, VehicleCommand, VehicleState, Verdict, VolumeAccount, VolumeBudget, VolumeEstimate,
+    VolumeShares,
 };
 use stockpilot::mission::Phase;
 use stockpilot::pilot::{Action, Event, FlightSummary, PhaseChange, VolumeReport};
@@ -48,6 +50,7 @@ fn events() -> Vec<Event> {
             received_at: AT,
             camera: CameraId(1),
             tags: vec![tag],
+            points: vec![PointDetection { id: 9, pixel_px: [3.25, -7.5] }],
         }),
         Event::Vehicle(VehicleState {
             at: AT,
@@ -78,6 +81,23 @@ fn events() -> Vec<Event> {
     ]
 }
 
+fn account() -> VolumeAccount {
+    let mut budget = VolumeBudget::default();
+    for source in BudgetSource::ALL {
+        budget.rows.push(BudgetRow { source, var_m6: 0.25 });
+    }
+    let shared = SharedSensitivity {
+        source: BudgetSource::RangeBias,
+        component: 0,
+        dv_dc: -38.5,
+        sigma: 0.01,
+    };
+    budget.shared.push(shared);
+    let shares =
+        VolumeShares { measured_ratio: 0.75, interpolated_ratio: 0.125, unseen_ratio: 0.125 };
+    VolumeAccount { name: "hall".to_owned(), estimate: volume(), budget, shares }
+}
+
 fn volume() -> VolumeEstimate {
     VolumeEstimate { at: AT, volume_m3: 40.25, sigma_m3: 0.5, coverage_ratio: 0.75 }
 }
@@ -100,15 +120,20 @@ fn fix() -> FixRecord {
     FixRecord {
         at: AT,
         age_s: 0.05,
+        source: FixSource::Tight,
         n_tags: 2,
         n_tags_used: 1,
+        n_points: 4,
+        n_points_used: 3,
         fix: Some(FixOutcome {
             hall_from_body: pose(),
             pose_cov: Matrix6::identity(),
             residual_rms_px: 0.25,
             q_pos: 12.5,
+            q_position: 14.25,
         }),
         innovation: Some([0.5; 6]),
+        innovation_cov: Some([[0.25; 6]; 6]),
         nis: None,
         nis_gate: 16.8119,
         verdict: Verdict::Fused,
@@ -147,6 +172,7 @@ fn actions() -> Vec<Action> {
     let summary = FlightSummary {
         at: AT,
         volume: volume(),
+        accounts: vec![account()],
         hits: HitCounts::default(),
         steps_done: 4,
         path_length_m: 31.5,
@@ -166,6 +192,7 @@ fn actions() -> Vec<Action> {
         Action::PhaseChanged(change),
         Action::FixTreated(Box::new(fix())),
         Action::SurfaceSolved(Box::new(surface())),
+        Action::VolumesAccounted(vec![account()]),
         Action::Ended(Box::new(summary)),
     ]
 }

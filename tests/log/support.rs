@@ -7,8 +7,8 @@ use std::path::Path;
 use stockpilot::geometry::{Direction, Point, Rotation};
 use stockpilot::messages::{
     AutopilotPose, BatterySample, Beam, CameraId, CommandOutcome, FlightMode, ImuSample,
-    LandedState, OperatorCommand, OperatorRequest, OperatorVerb, Scan, TagDetection, TagDetections,
-    TagFamily, VehicleCommand, VehicleState,
+    LandedState, OperatorCommand, OperatorRequest, OperatorVerb, PointDetection, Scan,
+    TagDetection, TagDetections, TagFamily, VehicleCommand, VehicleState,
 };
 use stockpilot::pilot::{Action, Event};
 use stockpilot::record::{LogHeader, LogItem, LogReader, RecordedEvent, Recorder, RecorderStats};
@@ -65,12 +65,15 @@ fn tags() -> impl Strategy<Value = TagDetections> {
             decision_margin,
         },
     );
-    (stamp(), stamp(), any::<u8>(), vec(tag, 0..5)).prop_map(
-        |(captured_at, received_at, camera, tags)| TagDetections {
+    let point = (any::<u32>(), [finite(), finite()])
+        .prop_map(|(id, pixel_px)| PointDetection { id, pixel_px });
+    (stamp(), stamp(), any::<u8>(), vec(tag, 0..5), vec(point, 0..5)).prop_map(
+        |(captured_at, received_at, camera, tags, points)| TagDetections {
             captured_at,
             received_at,
             camera: CameraId(camera),
             tags,
+            points,
         },
     )
 }

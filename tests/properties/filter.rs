@@ -46,6 +46,7 @@ fn fix(near: &Transform<Hall, Body>, noise: &mut Noise) -> FixOutcome {
         pose_cov,
         residual_rms_px: 0.3,
         q_pos: 1.0,
+        q_position: 1.0,
     }
 }
 
@@ -97,6 +98,7 @@ fn consistent_fixes(truth: &Ring, n: i64, noise: &mut Noise) -> Vec<(Stamp<Mono>
                 pose_cov: Matrix6::from_diagonal_element(4e-4),
                 residual_rms_px: 0.3,
                 q_pos: 20.0,
+                q_position: 20.0,
             };
             (at, fix)
         })

@@ -4,13 +4,13 @@ use nalgebra::Vector3;
 use std::time::Duration;
 use stockpilot::geometry::{Body, Camera, Hall, Lidar, Point, Rotation, Transform};
 use stockpilot::localization;
-use stockpilot::localization::camera_model::CameraModel;
+use stockpilot::localization::camera_model::{CameraModel, Lens};
 use stockpilot::localization::filter::ImuNoise;
 use stockpilot::localization::marker_map::MarkerMap;
 use stockpilot::localization::vision_fix;
 use stockpilot::mapping::projection::LidarMount;
 use stockpilot::mapping::region::{Rect, Region};
-use stockpilot::mapping::{self, VolumeVariance, kalman_grid, sparse_gp};
+use stockpilot::mapping::{self, field_map, grid_map, kalman_grid};
 use stockpilot::messages::{CameraId, TagDetection, TagDetections, TagFamily};
 use stockpilot::mission;
 use stockpilot::pilot::Settings;
@@ -35,8 +35,8 @@ pub(crate) fn camera() -> CameraModel {
         fy_px: 640.0,
         cx_px: 640.0,
         cy_px: 400.0,
-        radial: [-0.1, 0.01],
-        tangential: [0.0005, -0.0003],
+        lens: Lens::radial_tangential([-0.1, 0.01], [0.0005, -0.0003]),
+        readout: Duration::ZERO,
         body_from_camera: Transform::new(
             Rotation::<Body, Camera>::from_euler_rad(
                 -std::f64::consts::FRAC_PI_2,
@@ -79,6 +79,7 @@ pub(crate) fn frame(pose: &Transform<Hall, Body>, captured: Stamp<Mono>) -> TagD
         received_at: captured.plus(Duration::from_millis(60)),
         camera: CameraId(0),
         tags: seen.collect(),
+        points: Vec::new(),
     }
 }
 
@@ -107,6 +108,8 @@ pub(crate) fn settings() -> Settings {
             cameras: vec![camera()],
             marker_map: marker_map(),
             vision: vision_fix::Settings::default(),
+            update: localization::Update::Tight,
+            pad: None,
             capture_sigma_s: 0.002,
             imu_noise: ImuNoise::default(),
             ring_span: Duration::from_secs(1),
@@ -114,23 +117,15 @@ pub(crate) fn settings() -> Settings {
             lost_sigma_m: 0.5,
         },
         mapping: mapping::Settings {
+            method: mapping::Method::MaternField,
             region,
             cell_m: 0.25,
             base_height_m: 0.0,
             below_base_m: 0.5,
             max_height_m: 2.0,
             lidar: lidar_mount(),
-            kalman_grid: grid,
-            gp: sparse_gp::Settings {
-                smoothness_nu: 1.5,
-                length_scale_m: 0.5,
-                reach: 1.5,
-                sigma_m: 0.5,
-                mean_m: 0.5,
-                cut: sparse_gp::Cut::Taper,
-            },
-            estimates_prior_height: true,
-            volume_variance: VolumeVariance::Full,
+            grid: grid_map::Settings { kalman_grid: grid, ..Default::default() },
+            field: field_map::Settings { estimates_prior: false, ..Default::default() },
             max_position_sigma_m: 0.3,
         },
         planning: planning::Settings {

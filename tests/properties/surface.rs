@@ -7,7 +7,7 @@ use stockpilot::mapping::kalman_grid::{KalmanGrid, Settings, VarianceUpdate};
 use stockpilot::mapping::projection::{Hit, project};
 use stockpilot::mapping::sparse_gp::{self, Posterior};
 use stockpilot::mapping::volume::Base;
-use stockpilot::mapping::{Mapper, VolumeVariance};
+use stockpilot::mapping::{Mapper, Method, VolumeVariance};
 use stockpilot::messages::{Beam, GridGeometry};
 use stockpilot::stats::{Noise, SeedBook};
 
@@ -79,7 +79,8 @@ fn more_data_never_makes_the_volume_less_certain() {
 fn printed_variance_adds_marginals_and_full_is_that_of_the_sum() {
     let solved = |volume_variance| {
         let mut settings = settings().mapping;
-        settings.volume_variance = volume_variance;
+        settings.method = Method::KalmanGrid;
+        settings.grid.volume_variance = volume_variance;
         let areas = settings.region.cell_areas_m2(&settings.region.grid(settings.cell_m));
         let solve = Mapper::new(settings).snapshot(at_ns(0), true);
         (solve.run().expect("a tapered kernel is positive definite"), areas)
@@ -88,24 +89,29 @@ fn printed_variance_adds_marginals_and_full_is_that_of_the_sum() {
     let added: f64 = std::iter::zip(&areas, &printed.surface.sigma_m)
         .map(|(area, sigma)| (area * sigma).powi(2))
         .sum();
-    assert!((printed.volume.sigma_m3 / added.sqrt() - 1.0).abs() < 1e-12);
+    assert!((printed.accounts[0].estimate.sigma_m3 / added.sqrt() - 1.0).abs() < 1e-12);
     // Neighbours move together, so their sum is less certain than the printed rule says: nearly
     // as many cells as lie within the kernel count as one.
     let (full, _) = solved(VolumeVariance::Full);
-    assert!(full.volume.sigma_m3 > 1.5 * printed.volume.sigma_m3, "{full:?}");
+    assert!(
+        full.accounts[0].estimate.sigma_m3 > 1.5 * printed.accounts[0].estimate.sigma_m3,
+        "{:?}",
+        full.accounts
+    );
 }
 
 #[test]
 fn the_literal_cut_tells_what_helps_when_it_fails() {
     let mut settings = settings().mapping;
-    settings.gp = sparse_gp::Settings {
+    settings.method = Method::KalmanGrid;
+    settings.grid.gp = sparse_gp::Settings {
         cut: sparse_gp::Cut::Literal,
         smoothness_nu: 2.7,
         length_scale_m: 2.0,
         reach: 0.5,
-        ..settings.gp
+        ..settings.grid.gp
     };
-    settings.kalman_grid.prior_sigma_m = 1e-3;
+    settings.grid.kalman_grid.prior_sigma_m = 1e-3;
     let error = Mapper::new(settings).snapshot(at_ns(0), false).run().unwrap_err();
     assert!(error.to_string().contains("use the taper"), "{error}");
 }

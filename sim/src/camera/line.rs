@@ -9,6 +9,14 @@ struct Line {
     clock: &'static str,
     camera: u8,
     tags: Vec<LineTag>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    points: Vec<LinePoint>,
+}
+
+#[derive(Debug, Serialize)]
+struct LinePoint {
+    id: u32,
+    pixel_px: [f64; 2],
 }
 
 #[derive(Debug, Serialize)]
@@ -30,10 +38,13 @@ pub fn detections_line(frame: &TagDetections) -> serde_json::Result<String> {
         corners_px: tag.corners_px,
         decision_margin: tag.decision_margin,
     });
+    let points =
+        frame.points.iter().map(|point| LinePoint { id: point.id, pixel_px: point.pixel_px });
     serde_json::to_string(&Line {
         captured_at_ns: frame.captured_at.nanos(),
         clock: "mono",
         camera: frame.camera.0,
         tags: tags.collect(),
+        points: points.collect(),
     })
 }

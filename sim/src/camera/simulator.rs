@@ -77,6 +77,7 @@ impl CameraSimulator {
             received_at: self.next_capture.plus(latency),
             camera: self.model.id,
             tags: view.iter().filter_map(|seen| self.detection(seen)).collect(),
+            points: Vec::new(),
         }
     }
 

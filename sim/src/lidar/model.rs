@@ -19,8 +19,19 @@ pub struct LidarModel {
     pub range_max_m: f64,
     /// Standard deviation of a range, m.
     pub range_sigma_m: f64,
+    /// Every range is reported longer by this, m.
+    pub range_bias_m: f64,
+    /// Every range is reported longer by this times itself.
+    pub range_scale: f64,
+    /// Samples are stamped later than they were measured by this, s.
+    pub stamp_offset_s: f64,
     /// Share of samples without a return even near and square on.
     pub dropout_ratio: f64,
+    /// Share of beams that dust in the air sends back before they reach a surface.
+    pub dust_ratio: f64,
+    /// Half the angle of the beam's cone in the scan plane, rad; where the cone meets two surfaces,
+    /// the range lies between them. 0 for a beam without width.
+    pub half_width_rad: f64,
     /// Speed of the serial line, bit/s.
     pub baud: u32,
     /// True mounting of the sensor on the body.
@@ -41,7 +52,12 @@ impl LidarModel {
             range_min_m: 0.02,
             range_max_m: 12.0,
             range_sigma_m: 0.010,
+            range_bias_m: 0.0,
+            range_scale: 0.0,
+            stamp_offset_s: 0.0,
             dropout_ratio: 0.005,
+            dust_ratio: 0.0,
+            half_width_rad: 0.0,
             baud: 230_400,
             body_from_lidar: hanging_mount(),
         }

@@ -1,7 +1,7 @@
 //! Samples of the true surface, in the order and rhythm of the sensor.
 
 use super::LidarModel;
-use crate::raycast::{self, RayHit};
+use crate::raycast::{self, RayHit, Surface};
 use crate::world::World;
 use std::time::Duration;
 use stockpilot::geometry::{Body, Direction, Hall, Lidar, Transform};
@@ -18,7 +18,8 @@ const CLOCK_WRAP_MS: u64 = 30_000;
 /// One range as the sensor reports it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sample {
-    /// When it was measured.
+    /// When it was measured, by the stamps that reach the receiver: the true instant if the
+    /// model's stamps are not off.
     pub at: Stamp<Mono>,
     /// Clockwise from the front mark, seen from above the sensor, 0.01°, below 36 000.
     ///
@@ -59,6 +60,8 @@ pub struct LidarSimulator {
     range_noise: Noise,
     dropout_noise: Noise,
     speed_noise: Noise,
+    dust: Noise,
+    mixing: Noise,
 }
 
 impl LidarSimulator {
@@ -76,6 +79,8 @@ impl LidarSimulator {
             range_noise: seeds.stream("lidar.range"),
             dropout_noise: seeds.stream("lidar.dropout"),
             speed_noise: seeds.stream("lidar.speed"),
+            dust: seeds.stream("lidar.dust"),
+            mixing: seeds.stream("lidar.mixing"),
         }
     }
 
@@ -156,15 +161,74 @@ impl LidarSimulator {
         clockwise_cdeg: f64,
         hall_from_body: &impl Fn(Stamp<Mono>) -> Transform<Hall, Body>,
     ) -> Sample {
-        let hall_from_lidar = hall_from_body(at) * self.model.body_from_lidar;
-        // The device counts clockwise about its z axis, the frame counter-clockwise.
-        let (sin, cos) = (-clockwise_cdeg / CDEG_PER_TURN * std::f64::consts::TAU).sin_cos();
-        let direction = hall_from_lidar.rotation * Direction::<Lidar>::new(cos, sin, 0.0);
-        let reach_m = self.model.range_max_m;
-        let hit = raycast::cast(world, &hall_from_lidar.origin, &direction, reach_m);
+        let hall_from_lidar = hall_from_body(self.measured_at(at)) * self.model.body_from_lidar;
+        let angle_rad = -clockwise_cdeg / CDEG_PER_TURN * std::f64::consts::TAU;
+        let beam = |angle_rad: f64| {
+            // The device counts clockwise about its z axis, the frame counter-clockwise.
+            let (sin, cos) = angle_rad.sin_cos();
+            let direction = hall_from_lidar.rotation * Direction::<Lidar>::new(cos, sin, 0.0);
+            let reach_m = self.model.range_max_m;
+            (raycast::cast(world, &hall_from_lidar.origin, &direction, reach_m), direction)
+        };
+        let (hit, direction) = beam(angle_rad);
+        let half_rad = self.model.half_width_rad;
+        let edges = (half_rad > 0.0).then(|| {
+            [angle_rad - half_rad, angle_rad + half_rad]
+                .map(|at_rad| beam(at_rad).0.map(|hit| hit.distance_m))
+        });
+        let hit = match (hit, edges) {
+            (Some(hit), Some([Some(a_m), Some(b_m)])) => {
+                Some(self.mixed(&hit, &direction, (a_m.min(b_m), a_m.max(b_m))))
+            }
+            _ => hit,
+        };
+        let hit = self.with_dust(hit, &direction);
         let echo = hit.and_then(|hit| self.echo(&hit, &direction));
         let (range_mm, intensity) = echo.unwrap_or((0, 0));
         Sample { at, clockwise_cdeg, range_mm, intensity }
+    }
+
+    /// The true instant of a sample with this stamp.
+    fn measured_at(&self, stamp: Stamp<Mono>) -> Stamp<Mono> {
+        let offset = Duration::from_secs_f64(self.model.stamp_offset_s.abs());
+        if self.model.stamp_offset_s > 0.0 { stamp.minus(offset) } else { stamp.plus(offset) }
+    }
+
+    /// A range between two surfaces, if the edges of the beam's cone meet two.
+    ///
+    /// One smooth surface spreads the cone by 2 δ d tan ι (δ: half width, ι: angle of incidence);
+    /// far more than that is an edge in depth. Where the range ends up depends on how the light is
+    /// shared, which is drawn.
+    fn mixed(
+        &mut self,
+        hit: &RayHit,
+        along: &Direction<Hall>,
+        (near_m, far_m): (f64, f64),
+    ) -> RayHit {
+        const LEAST_JUMP_M: f64 = 0.1;
+        const FAR_MORE: f64 = 3.0;
+        let share = self.mixing.uniform();
+        let square_on = hit.normal.coords.dot(&along.coords).abs().max(0.05);
+        let smooth_m = 2.0 * self.model.half_width_rad * hit.distance_m * square_on.recip();
+        let jump_m = far_m - near_m;
+        if jump_m < LEAST_JUMP_M.max(FAR_MORE * smooth_m) {
+            return *hit;
+        }
+        RayHit { distance_m: near_m + share * jump_m, ..*hit }
+    }
+
+    /// The hit, or a grain of dust anywhere before it.
+    fn with_dust(&mut self, hit: Option<RayHit>, along: &Direction<Hall>) -> Option<RayHit> {
+        if self.model.dust_ratio <= 0.0 {
+            return hit;
+        }
+        let (is_dust, share) = (self.dust.chance(self.model.dust_ratio), self.dust.uniform());
+        if !is_dust {
+            return hit;
+        }
+        let free_m = hit.map_or(self.model.range_max_m, |hit| hit.distance_m);
+        let normal = Direction::from_coords(-along.coords);
+        Some(RayHit { distance_m: share * free_m, normal, surface: Surface::Dust })
     }
 
     /// The reported range (mm) and intensity of a hit; `None` if the echo is lost.
@@ -176,7 +240,8 @@ impl LidarSimulator {
         if self.dropout_noise.chance(self.dropout_ratio(reach_ratio, square_on)) {
             return None;
         }
-        let range_m = hit.distance_m + noise_m;
+        let range_m =
+            hit.distance_m * (1.0 + self.model.range_scale) + self.model.range_bias_m + noise_m;
         let is_in_range = (self.model.range_min_m..=self.model.range_max_m).contains(&range_m);
         let strength = 230.0 * square_on.max(0.05) / (1.0 + 2.0 * reach_ratio * reach_ratio);
         let intensity = u8::try_from(whole(strength)).unwrap_or(u8::MAX);

@@ -108,3 +108,47 @@ fn flat_patches_and_nodes_are_hit_from_straight_above() {
         assert!((hit.distance_m - (9.0 - height)).abs() < 1e-9, "{x} {y}");
     }
 }
+
+#[test]
+fn beams_through_openings_see_the_ground_outside_or_nothing() {
+    let world = World::alps(1).unwrap().with_gaps(SeedBook::new(5));
+    let [gate, skylight] = world.openings[..] else { panic!("two openings") };
+    let aimed_at = |origin: Vector3<f64>, target: Vector3<f64>| {
+        let direction = Direction::from_coords((target - origin).normalize());
+        (cast(&world, &Point::from_coords(origin), &direction, 100.0), direction)
+    };
+    let (gate_x, _) = gate.footprint().centre_m();
+    // From 1 m inside at 2 m height through the gate at 1 m: 1 m down per 1 m on, so the ground
+    // 3.5 m lower comes after 3.5 m of way along y.
+    let inside = Vector3::new(gate_x, world.hall.min_m.y + 1.0, 2.0);
+    let (hit, _) = aimed_at(inside, Vector3::new(gate_x, world.hall.min_m.y, 1.0));
+    let hit = hit.unwrap();
+    assert_eq!(hit.surface, Surface::Outside);
+    assert!((hit.distance_m - 3.5 * 2.0_f64.sqrt()).abs() < 1e-9, "{hit:?}");
+    // Upwards through the gate, and straight up through the skylight, there is only sky.
+    assert!(aimed_at(inside, Vector3::new(gate_x, world.hall.min_m.y, 3.0)).0.is_none());
+    let (x, y) = skylight.footprint().centre_m();
+    let below = Vector3::new(x, y, 6.0);
+    assert!(aimed_at(below, below + Vector3::z()).0.is_none());
+    // Beside the openings nothing has changed.
+    let beside = Vector3::new(gate.min_m.x - 0.1, world.hall.min_m.y, 1.0);
+    assert_eq!(aimed_at(inside, beside).0.unwrap().surface, Surface::Hall);
+    // Markers hang on walls, not in openings.
+    assert!(world.tags.len() < World::alps(1).unwrap().tags.len());
+    for tag in &world.tags {
+        assert!(tag.corners.iter().all(|c| gate.distance_m(&c.coords) > 0.0));
+    }
+}
+
+#[test]
+fn a_guest_hides_what_lies_behind_it() {
+    let mut world = World::alps(1).unwrap();
+    let origin = Point::new(10.0, 10.0, 8.0);
+    let down = Direction::new(0.0, 0.0, -1.0);
+    let free = cast(&world, &origin, &down, 20.0).unwrap();
+    assert_eq!(free.surface, Surface::Material);
+    world.guests = vec![crate::world::Cuboid::over(&Region::new(9.0, 9.0, 11.0, 11.0), 0.0, 5.0)];
+    let hit = cast(&world, &origin, &down, 20.0).unwrap();
+    assert_eq!(hit.surface, Surface::Guest);
+    assert!((hit.distance_m - 3.0).abs() < 1e-12 && hit.distance_m < free.distance_m);
+}

@@ -14,19 +14,25 @@ const MEAN_RATIO: f64 = 0.47;
 const STEEPEST: f64 = 1.43;
 
 /// Ridges, bent by a slow warp and worn by slides, from the floor up to the relief.
-pub(super) fn terrain(seeds: SeedBook) -> Result<HeightField, WorldError> {
+///
+/// `steepness` narrows every wavelength and multiplies the slope above which material slides.
+pub(super) fn terrain(seeds: SeedBook, steepness: f64) -> Result<HeightField, WorldError> {
+    if steepness <= 0.0 {
+        return Err(WorldError::BadField);
+    }
     let mut noise = seeds.stream("world.alps");
     let relief_m = noise.between(3.3, 3.9);
-    let ridges = RidgedFractal::new(&mut noise, 5, 10.0);
+    let ridges = RidgedFractal::new(&mut noise, 5, 10.0 / steepness);
     let warps = [GradientNoise::from_stream(&mut noise), GradientNoise::from_stream(&mut noise)];
     let raw = HeightField::from_fn(&REGION, PITCH_M, |x_m, y_m| {
-        let bend_m = |warp: &GradientNoise| 1.6 * warp.at(x_m / 5.0, y_m / 5.0);
+        let (warp_m, per_m) = (1.6 / steepness, steepness / 5.0);
+        let bend_m = |warp: &GradientNoise| warp_m * warp.at(x_m * per_m, y_m * per_m);
         ridges.at(x_m + bend_m(&warps[0]), y_m + bend_m(&warps[1])).max(0.0)
     })?;
     let mut heights_m = stretched(raw.heights_m());
     set_mean(&mut heights_m, MEAN_RATIO);
     heights_m.iter_mut().for_each(|h| *h *= relief_m);
-    (0..30).for_each(|_| slide(&mut heights_m));
+    (0..30).for_each(|_| slide(&mut heights_m, STEEPEST * steepness));
     HeightField::new((REGION.x_min_m, REGION.y_min_m), PITCH_M, N_SIDE, heights_m)
 }
 
@@ -53,21 +59,21 @@ fn set_mean(values: &mut [f64], mean: f64) {
 /// One pass of thermal erosion: where a slope is too steep, a part of it moves downhill.
 ///
 /// Source: Musgrave, Kolb, Mace 1989, §3.
-fn slide(heights_m: &mut [f64]) {
+fn slide(heights_m: &mut [f64], steepest: f64) {
     for node in 0..heights_m.len() {
         let (col, row) = (node % N_SIDE, node / N_SIDE);
         if col + 1 < N_SIDE {
-            settle(heights_m, node, node + 1);
+            settle(heights_m, (node, node + 1), steepest);
         }
         if row + 1 < N_SIDE {
-            settle(heights_m, node, node + N_SIDE);
+            settle(heights_m, (node, node + N_SIDE), steepest);
         }
     }
 }
 
-fn settle(heights_m: &mut [f64], a: usize, b: usize) {
+fn settle(heights_m: &mut [f64], (a, b): (usize, usize), steepest: f64) {
     let drop_m = heights_m[a] - heights_m[b];
-    let excess_m = (drop_m.abs() - STEEPEST * PITCH_M).max(0.0);
+    let excess_m = (drop_m.abs() - steepest * PITCH_M).max(0.0);
     let moved_m = 0.25 * excess_m.copysign(drop_m);
     heights_m[a] -= moved_m;
     heights_m[b] += moved_m;

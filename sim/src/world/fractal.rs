@@ -9,16 +9,22 @@ use stockpilot::stats::Noise;
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct GradientNoise {
     salt: u64,
+    /// The lattice is moved by a part of its pitch: on its points the noise is always zero, and
+    /// they must not lie at the same place in every field.
+    shift: (f64, f64),
 }
 
 impl GradientNoise {
     /// A field of its own for each draw from the stream.
     pub(crate) fn from_stream(noise: &mut Noise) -> Self {
-        Self { salt: noise.bits() }
+        let salt = noise.bits();
+        let part = |bits: u64| (bits & 0xffff_ffff) as f64 / (1_u64 << 32) as f64;
+        Self { salt, shift: (part(salt), part(salt >> 32)) }
     }
 
     /// The value at (x, y), in lattice units.
     pub(crate) fn at(&self, x: f64, y: f64) -> f64 {
+        let (x, y) = (x + self.shift.0, y + self.shift.1);
         let (x0, y0) = (x.floor(), y.floor());
         let (u, v) = (x - x0, y - y0);
         let corner = |dx: f64, dy: f64| {

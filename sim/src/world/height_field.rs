@@ -1,6 +1,6 @@
 //! Material as heights on a regular grid, bilinear between the nodes.
 
-use super::{Region, WorldError};
+use super::{Region, WorldError, bay};
 use nalgebra::Vector3;
 
 /// Levels of the maximum pyramid over the cells; the coarsest cell spans 2⁶ cells.
@@ -194,6 +194,34 @@ impl HeightField {
             });
             heights.sum::<f64>() * piece.area_m2() / (N_PIECES * N_PIECES) as f64
         })
+    }
+
+    /// Volume under the surface over a polygon (corners x, y, m), m³; exact.
+    #[must_use]
+    pub fn integral_within_m3(&self, outline_m: &[[f64; 2]]) -> f64 {
+        let Some(bounds) = bay::bounds(outline_m) else { return 0.0 };
+        // The surface of one cell is a polynomial of degree 2.
+        let sum_m3 = self.sum_over_cells(&bounds, |part| {
+            let piece = bay::clipped(outline_m, part);
+            bay::integral(&piece, 0, &|x_m, y_m| self.height_at(x_m, y_m))
+        });
+        sum_m3 * bay::signed_area_m2(outline_m).signum()
+    }
+
+    /// Volume under the surface and under `top_m` over the part of a polygon in a rectangle, m³;
+    /// each triangle in 64 pieces.
+    pub(crate) fn integral_below_within_m3(
+        &self,
+        outline_m: &[[f64; 2]],
+        over: &Region,
+        top_m: f64,
+    ) -> f64 {
+        const N_HALVINGS: u32 = 3;
+        let sum_m3 = self.sum_over_cells(over, |part| {
+            let piece = bay::clipped(outline_m, part);
+            bay::integral(&piece, N_HALVINGS, &|x_m, y_m| self.height_at(x_m, y_m).min(top_m))
+        });
+        sum_m3 * bay::signed_area_m2(outline_m).signum()
     }
 
     /// Sum of `term` over the parts of the rectangle that lie in one cell each.

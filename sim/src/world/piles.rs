@@ -1,7 +1,7 @@
 //! Heaps of bulk material, three of them in bays of concrete.
 
 use super::fractal::RidgedFractal;
-use super::{Cuboid, HeightField, Region, WorldError};
+use super::{Bay, Cuboid, HeightField, Region, WorldError};
 use stockpilot::stats::{Noise, SeedBook};
 
 const REGION: Region = Region::new(0.0, 0.0, 20.0, 20.0);
@@ -57,12 +57,29 @@ pub(super) fn bay_walls() -> Vec<Cuboid> {
     footprints.iter().map(|footprint| Cuboid::over(footprint, 0.0, WALL_HEIGHT_M)).collect()
 }
 
-/// The heaps with slightly ridged flanks.
-pub(super) fn terrain(seeds: SeedBook) -> Result<HeightField, WorldError> {
+/// The bays between the walls, from left to right, and the open floor before them.
+pub(super) fn bays() -> Vec<Bay> {
+    let half_m = 0.5 * WALL_THICKNESS_M;
+    let mut bays: Vec<Bay> = std::iter::zip(["bay 1", "bay 2", "bay 3"], DIVIDERS_X_M.windows(2))
+        .map(|(name, walls)| {
+            let (left_m, right_m) = (walls[0] + half_m, walls[1] - half_m);
+            Bay::rectangle(name, &Region::new(left_m, MOUTH_Y_M, right_m, BACK_Y_M - half_m))
+        })
+        .collect();
+    let floor = Region::new(REGION.x_min_m, REGION.y_min_m, REGION.x_max_m, MOUTH_Y_M);
+    bays.push(Bay::rectangle("floor", &floor));
+    bays
+}
+
+/// The heaps with slightly ridged flanks; `steepness` multiplies every slope.
+pub(super) fn terrain(seeds: SeedBook, steepness: f64) -> Result<HeightField, WorldError> {
     const RIDGE_M: f64 = 0.08;
+    if steepness <= 0.0 {
+        return Err(WorldError::BadField);
+    }
     let mut noise = seeds.stream("world.piles");
-    let heaps: Vec<Heap> = heaps(&mut noise);
-    let ridges = RidgedFractal::new(&mut noise, 4, 1.3);
+    let heaps: Vec<Heap> = heaps(&mut noise, steepness);
+    let ridges = RidgedFractal::new(&mut noise, 4, 1.3 / steepness);
     HeightField::from_fn(&REGION, PITCH_M, |x_m, y_m| {
         let smooth_m = heaps.iter().map(|heap| heap.height_m(x_m, y_m)).fold(0.0, f64::max);
         // Ridges fade out at the toe, so the floor stays flat.
@@ -71,32 +88,32 @@ pub(super) fn terrain(seeds: SeedBook) -> Result<HeightField, WorldError> {
 }
 
 /// Three heaps in the bays, and two to five in the open, the first two of which touch.
-fn heaps(noise: &mut Noise) -> Vec<Heap> {
+fn heaps(noise: &mut Noise, steepness: f64) -> Vec<Heap> {
     const OPEN_PLACES_M: [(f64, f64); 5] =
         [(3.8, 4.6), (7.6, 5.4), (13.6, 4.8), (17.0, 7.6), (11.2, 9.3)];
     let in_bays = DIVIDERS_X_M.windows(2).map(|walls| (walls[0], walls[1]));
-    let mut heaps: Vec<Heap> = in_bays.map(|bay| bay_heap(bay, noise)).collect();
+    let mut heaps: Vec<Heap> = in_bays.map(|bay| bay_heap(bay, noise, steepness)).collect();
     let n_open = (2.0 + 4.0 * noise.uniform()).floor();
     let chosen = OPEN_PLACES_M.iter().enumerate().filter(|(i, _)| (*i as f64) < n_open);
-    heaps.extend(chosen.map(|(_, place)| open_heap(*place, noise)));
+    heaps.extend(chosen.map(|(_, place)| open_heap(*place, noise, steepness)));
     heaps
 }
 
 /// A heap against the back of a bay, below the top of the walls where it touches them.
-fn bay_heap((left_m, right_m): (f64, f64), noise: &mut Noise) -> Heap {
+fn bay_heap((left_m, right_m): (f64, f64), noise: &mut Noise, steepness: f64) -> Heap {
     let half_width_m = 0.5 * (right_m - left_m);
     let x_m = left_m + half_width_m + noise.between(-0.4, 0.4);
     let y_m = BACK_Y_M - half_width_m + noise.between(-0.5, 0.2);
-    let slope = repose_slope(noise);
+    let slope = steepness * repose_slope(noise);
     let touch_m = noise.between(0.5, 1.4);
     let peak_m = (touch_m + fall_m(slope, half_width_m - 0.6)).min(3.6);
     Heap { x_m, y_m, peak_m, slope, within: Region::new(left_m, 0.0, right_m, BACK_Y_M) }
 }
 
 /// A heap on open floor, whole inside the region.
-fn open_heap((x_m, y_m): (f64, f64), noise: &mut Noise) -> Heap {
+fn open_heap((x_m, y_m): (f64, f64), noise: &mut Noise, steepness: f64) -> Heap {
     let (x_m, y_m) = (x_m + noise.between(-0.3, 0.3), y_m + noise.between(-0.3, 0.3));
-    let slope = repose_slope(noise);
+    let slope = steepness * repose_slope(noise);
     let room_m = (x_m - REGION.x_min_m)
         .min(REGION.x_max_m - x_m)
         .min(y_m - REGION.y_min_m)

@@ -113,6 +113,123 @@ fn heaps_lie_at_the_angle_of_repose() {
 }
 
 #[test]
+fn worlds_of_different_seeds_differ_in_volume_and_in_where_the_heaps_lie() {
+    for build in [World::alps, World::piles] {
+        let worlds: Vec<World> = (0..8).map(|seed| build(seed).unwrap()).collect();
+        for (i, a) in worlds.iter().enumerate() {
+            for b in &worlds[..i] {
+                let heights = a.terrain.heights_m().iter().zip(b.terrain.heights_m());
+                let n = a.terrain.heights_m().len() as f64;
+                let mean_m = heights.map(|(a, b)| (a - b).abs()).sum::<f64>() / n;
+                assert!(mean_m > 0.1, "{}: {mean_m} m apart on average", a.name);
+            }
+        }
+        let volumes: Vec<f64> = worlds.iter().map(World::volume_m3).collect();
+        let mean_m3 = volumes.iter().sum::<f64>() / 8.0;
+        let var_m6 = volumes.iter().map(|v| (v - mean_m3).powi(2)).sum::<f64>() / 7.0;
+        println!("{volumes:.1?}");
+        assert!(var_m6.sqrt() > 0.02 * mean_m3, "{volumes:?}");
+        let tops: Vec<[f64; 2]> = worlds.iter().map(top_m).collect();
+        let n_new = tops.iter().enumerate().filter(|(i, top)| !tops[..*i].contains(top)).count();
+        assert!(n_new > 6, "{tops:?}");
+    }
+}
+
+/// Nodes along x.
+fn n_cols(world: &World) -> usize {
+    height_field::index_from(world.region.length_m() / world.terrain.pitch_m() + 0.5) + 1
+}
+
+/// Where the highest node lies, m.
+fn top_m(world: &World) -> [f64; 2] {
+    let heights = world.terrain.heights_m();
+    let top = (0..heights.len()).max_by(|a, b| heights[*a].total_cmp(&heights[*b])).unwrap();
+    let n_cols = n_cols(world);
+    [(top % n_cols) as f64, (top / n_cols) as f64].map(|cells| cells * world.terrain.pitch_m())
+}
+
+/// Root mean square of the slope along x where material lies.
+fn rms_slope(world: &World) -> f64 {
+    let heights = world.terrain.heights_m();
+    let n_cols = n_cols(world);
+    let slopes: Vec<f64> = heights
+        .chunks_exact(n_cols)
+        .flat_map(|row| row.windows(2).filter(|pair| pair[0].min(pair[1]) > 0.3))
+        .map(|pair| (pair[1] - pair[0]) / world.terrain.pitch_m())
+        .collect();
+    (slopes.iter().map(|s| s * s).sum::<f64>() / slopes.len() as f64).sqrt()
+}
+
+#[test]
+fn twice_as_steep_doubles_the_slopes_and_keeps_the_relief() {
+    let mean = |f: &dyn Fn(u64) -> f64| (0..6).map(f).sum::<f64>() / 6.0;
+    let alps = |steepness| mean(&|seed| rms_slope(&World::steep_alps(seed, steepness).unwrap()));
+    let ratio = alps(2.0) / alps(1.0);
+    println!("alps: rms slope {:.3}, twice as steep {:.3}", alps(1.0), alps(2.0));
+    assert!((ratio - 2.0).abs() < 0.15, "{ratio}");
+    for seed in 0..6 {
+        let steep = World::steep_alps(seed, 2.0).unwrap();
+        assert!((2.8..=4.0).contains(&steep.terrain.peak_m()), "{}", steep.terrain.peak_m());
+        let (usual, steep) = (World::piles(seed).unwrap(), World::steep_piles(seed, 2.0).unwrap());
+        assert!(steep.terrain.peak_m() < 4.0);
+        let ratio = rms_slope(&steep) / rms_slope(&usual);
+        println!("piles {seed}: {ratio:.2} times the slope");
+        assert!((1.6..2.2).contains(&ratio), "seed {seed}: {ratio}");
+        let plain = World::steep_alps(seed, 1.0).unwrap();
+        assert_eq!(plain.terrain.heights_m(), World::alps(seed).unwrap().terrain.heights_m());
+    }
+    assert!(World::steep_alps(0, 0.0).is_err() && World::steep_piles(0, -1.0).is_err());
+}
+
+#[test]
+fn bays_hold_their_share_of_the_volume() {
+    let world = World::piles(3).unwrap();
+    let names: Vec<&str> = world.bays.iter().map(|bay| bay.name.as_str()).collect();
+    assert_eq!(names, ["bay 1", "bay 2", "bay 3", "floor"]);
+    for bay in &world.bays {
+        let [low, _, high, _] = bay.outline_m[..] else { panic!("a rectangle") };
+        let rectangle = Region::new(low[0], low[1], high[0], high[1]);
+        let expected_m3 = world.true_volume_m3(&rectangle);
+        assert!((world.bay_volume_m3(bay) - expected_m3).abs() < 1e-6, "{}", bay.name);
+        assert!(expected_m3 > 5.0, "{}: {expected_m3} m³", bay.name);
+    }
+    // Nothing lies on the walls' footprints or behind them but what leans over the tops.
+    let sum_m3: f64 = world.bays.iter().map(|bay| world.bay_volume_m3(bay)).sum();
+    assert!(sum_m3 <= world.volume_m3() + 1e-6 && sum_m3 > 0.97 * world.volume_m3());
+}
+
+#[test]
+fn volume_in_a_polygon_equals_a_brute_force_sum() {
+    let world = World::piles(1).unwrap();
+    // A concave arrow, clockwise, over a divider, two heaps and open floor.
+    let outline_m = vec![[2.0, 1.0], [5.0, 12.0], [2.5, 18.8], [14.0, 14.0]];
+    let bay = Bay { name: "arrow".to_owned(), outline_m: outline_m.clone() };
+    let is_inside = |x: f64, y: f64| {
+        // Crossings of a ray towards +x.
+        let sides = (0..4).map(|i| (outline_m[i], outline_m[(i + 1) % 4]));
+        let crossed = sides.filter(|(a, b)| {
+            (a[1] > y) != (b[1] > y) && x < a[0] + (y - a[1]) / (b[1] - a[1]) * (b[0] - a[0])
+        });
+        crossed.count() % 2 == 1
+    };
+    let step_m = 0.01;
+    let (mut sum_m, mut n_inside) = (0.0, 0.0);
+    for i in 0..2000 {
+        for j in 0..2000 {
+            let (x, y) = ((f64::from(i) + 0.5) * step_m, (f64::from(j) + 0.5) * step_m);
+            if is_inside(x, y) {
+                sum_m += world.height_at(x, y) - world.base_height(x, y);
+                n_inside += 1.0;
+            }
+        }
+    }
+    assert!((bay.area_m2() / (n_inside * step_m * step_m) - 1.0).abs() < 1e-3);
+    let brute_m3 = sum_m * step_m * step_m;
+    // The sum counts 1 cm cells whole along 40 m of border: far below 0.1 % on average.
+    assert!((world.bay_volume_m3(&bay) / brute_m3 - 1.0).abs() < 1e-3, "{brute_m3}");
+}
+
+#[test]
 fn first_row_of_a_grid_file_is_north() {
     let text = "ncols 3\nnrows 2\nxllcorner 7\nyllcorner 9\ncellsize 10\n\
                 NODATA_value -9999\n110 120 130\n100 100 140\n";

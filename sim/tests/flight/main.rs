@@ -3,5 +3,6 @@
 #![expect(clippy::expect_used, reason = "a helper of tests stops where its premise fails")]
 
 mod faults;
+mod parallel;
 mod support;
 mod survey;

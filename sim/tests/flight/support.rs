@@ -8,7 +8,7 @@ use stockpilot::pilot::{Action, PhaseChange};
 use stockpilot::time::{Mono, Stamp};
 use stockpilot_sim::camera::CameraModel;
 use stockpilot_sim::campaign::{DirectFlight, Witnessed};
-use stockpilot_sim::scenario::{Lidar, Planner, Scenario, Surface};
+use stockpilot_sim::scenario::{Conditions, Lidar, Planner, Scenario, Surface};
 use stockpilot_sim::world::World;
 
 /// A survey of a few waypoints over heaps.
@@ -17,10 +17,12 @@ pub(crate) fn short_survey(seed: u64, n_steps: usize) -> Scenario {
         world: World::piles(seed).expect("a generated world"),
         planner: Planner::SquareWave,
         surface: Surface::KalmanGrid,
+        variance: None,
         lidar: Lidar::Ld19,
         camera: CameraModel::ahead(),
         n_steps,
         seed,
+        conditions: Conditions::default(),
     }
 }
 

@@ -36,6 +36,7 @@ impl Session {
             | Action::PhaseChanged(_)
             | Action::FixTreated(_)
             | Action::SurfaceSolved(_)
+            | Action::VolumesAccounted(_)
             | Action::Ended(_) => {}
         }
         self.count_sent(sent_before, out);

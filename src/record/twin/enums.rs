@@ -1,8 +1,8 @@
 //! The recorded names of the closed lists.
 
 use crate::messages::{
-    CameraId, FlightMode, LandedState, OperatorRequest, OperatorVerb, Severity, TagFamily,
-    VehicleCommand, Verdict,
+    CameraId, FixSource, FlightMode, LandedState, OperatorRequest, OperatorVerb, Severity,
+    TagFamily, VehicleCommand, Verdict,
 };
 use crate::mission::Phase;
 use crate::pilot::JobId;
@@ -112,4 +112,14 @@ pub(super) enum VerdictTwin {
     NoKnownTag,
     NotInitialized,
     BadResidual,
+    Frozen,
+    AgainstGravity,
+}
+
+#[derive(Serialize, JsonSchema)]
+#[serde(remote = "FixSource", rename_all = "snake_case")]
+pub(super) enum FixSourceTwin {
+    Loose,
+    Tight,
+    Standstill,
 }

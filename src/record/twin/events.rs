@@ -8,8 +8,8 @@ use super::scalars::{Nanos, OptionalWxyz, Xyz};
 use crate::geometry::{Body, Direction, Hall, Point, Rotation};
 use crate::messages::{
     AutopilotPose, BatterySample, Beam, CameraId, CommandOutcome, FlightMode, ImuSample,
-    LandedState, OperatorCommand, OperatorRequest, OperatorVerb, Scan, TagDetection, TagDetections,
-    TagFamily, VehicleCommand, VehicleState,
+    LandedState, OperatorCommand, OperatorRequest, OperatorVerb, PointDetection, Scan,
+    TagDetection, TagDetections, TagFamily, VehicleCommand, VehicleState,
 };
 use crate::pilot::JobId;
 use crate::time::{Mono, Stamp};
@@ -99,6 +99,16 @@ struct TagTwin {
 struct TagItem(#[serde(with = "TagTwin")] TagDetection);
 
 #[derive(Serialize, Deserialize, JsonSchema)]
+#[serde(remote = "PointDetection")]
+struct PointTwin {
+    id: u32,
+    pixel_px: [f64; 2],
+}
+
+#[derive(Serialize, Deserialize, JsonSchema)]
+struct PointItem(#[serde(with = "PointTwin")] PointDetection);
+
+#[derive(Serialize, Deserialize, JsonSchema)]
 pub(in crate::record) struct TagsTwin {
     #[serde(rename = "captured_at_ns", with = "Nanos")]
     captured_at: Stamp<Mono>,
@@ -107,6 +117,9 @@ pub(in crate::record) struct TagsTwin {
     #[serde(with = "CameraIdTwin")]
     camera: CameraId,
     tags: Vec<TagItem>,
+    /// Absent in logs of earlier versions.
+    #[serde(default)]
+    points: Vec<PointItem>,
 }
 
 impl From<&TagDetections> for TagsTwin {
@@ -116,6 +129,7 @@ impl From<&TagDetections> for TagsTwin {
             received_at: seen.received_at,
             camera: seen.camera,
             tags: seen.tags.iter().map(|tag| TagItem(*tag)).collect(),
+            points: seen.points.iter().map(|point| PointItem(*point)).collect(),
         }
     }
 }
@@ -127,6 +141,7 @@ impl From<TagsTwin> for TagDetections {
             received_at: twin.received_at,
             camera: twin.camera,
             tags: twin.tags.into_iter().map(|item| item.0).collect(),
+            points: twin.points.into_iter().map(|item| item.0).collect(),
         }
     }
 }

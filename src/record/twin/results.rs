@@ -1,15 +1,16 @@
 //! The recorded form of actions; one way.
 
+use super::budget::BudgetTwin;
 use super::enums::{
-    JobIdTwin, OperatorRequestTwin, OperatorVerbTwin, PhaseNameTwin, SeverityTwin,
+    FixSourceTwin, JobIdTwin, OperatorRequestTwin, OperatorVerbTwin, PhaseNameTwin, SeverityTwin,
     VehicleCommandTwin, VerdictTwin,
 };
 use super::scalars::{Nanos, PoseTwin, Rows, Xyz};
 use crate::geometry::{Body, Direction, Hall, Point, Transform};
 use crate::messages::{
-    FixOutcome, FixRecord, GridGeometry, HeightMap, HitCounts, NavEstimate, OperatorAnswer,
-    OperatorRequest, OperatorVerb, Setpoint, Severity, StatusText, VehicleCommand, Verdict,
-    VolumeEstimate,
+    FixOutcome, FixRecord, FixSource, GridGeometry, HeightMap, HitCounts, NavEstimate,
+    OperatorAnswer, OperatorRequest, OperatorVerb, Setpoint, Severity, StatusText, VehicleCommand,
+    Verdict, VolumeAccount, VolumeBudget, VolumeEstimate, VolumeShares,
 };
 use crate::mission::Phase;
 use crate::pilot::{FlightSummary, JobId, PhaseChange, VolumeReport};
@@ -78,6 +79,41 @@ struct VolumeTwin {
 }
 
 #[derive(Serialize, JsonSchema)]
+#[serde(remote = "VolumeShares")]
+struct SharesTwin {
+    measured_ratio: f64,
+    interpolated_ratio: f64,
+    unseen_ratio: f64,
+}
+
+#[derive(Serialize, JsonSchema)]
+#[serde(remote = "VolumeAccount")]
+struct AccountTwin {
+    name: String,
+    #[serde(with = "VolumeTwin")]
+    estimate: VolumeEstimate,
+    #[serde(with = "BudgetTwin")]
+    budget: VolumeBudget,
+    #[serde(with = "SharesTwin")]
+    shares: VolumeShares,
+}
+
+#[derive(Serialize, JsonSchema)]
+struct AccountItem(#[serde(with = "AccountTwin")] VolumeAccount);
+
+/// The whole region's account first, then those of the bays.
+#[derive(Serialize, JsonSchema)]
+pub(in crate::record) struct AccountsTwin {
+    accounts: Vec<AccountItem>,
+}
+
+impl From<&[VolumeAccount]> for AccountsTwin {
+    fn from(accounts: &[VolumeAccount]) -> Self {
+        Self { accounts: accounts.iter().cloned().map(AccountItem).collect() }
+    }
+}
+
+#[derive(Serialize, JsonSchema)]
 #[serde(remote = "HitCounts")]
 struct HitCountsTwin {
     received: u64,
@@ -88,6 +124,7 @@ struct HitCountsTwin {
     no_pose: u64,
     poor_pose: u64,
     on_ground: u64,
+    refused: u64,
 }
 
 #[derive(Serialize, JsonSchema)]
@@ -144,6 +181,7 @@ struct FixOutcomeTwin {
     pose_cov: Matrix6<f64>,
     residual_rms_px: f64,
     q_pos: f64,
+    q_position: f64,
 }
 
 #[derive(Serialize, JsonSchema)]
@@ -173,11 +211,16 @@ pub(in crate::record) struct FixTwin {
     #[serde(rename = "at_ns", with = "Nanos")]
     at: Stamp<Mono>,
     age_s: f64,
+    #[serde(with = "FixSourceTwin")]
+    source: FixSource,
     n_tags: usize,
     n_tags_used: usize,
+    n_points: usize,
+    n_points_used: usize,
     #[serde(with = "OptionalFix")]
     fix: Option<FixOutcome>,
     innovation: Option<[f64; 6]>,
+    innovation_cov: Option<[[f64; 6]; 6]>,
     nis: Option<f64>,
     nis_gate: f64,
     #[serde(with = "VerdictTwin")]
@@ -212,9 +255,16 @@ pub(in crate::record) struct EndedTwin {
     at: Stamp<Mono>,
     #[serde(with = "VolumeTwin")]
     volume: VolumeEstimate,
+    #[serde(serialize_with = "accounts")]
+    #[schemars(with = "Vec<AccountItem>")]
+    accounts: Vec<VolumeAccount>,
     #[serde(with = "HitCountsTwin")]
     hits: HitCounts,
     steps_done: usize,
     path_length_m: f64,
     is_complete: bool,
+}
+
+fn accounts<S: Serializer>(accounts: &[VolumeAccount], to: S) -> Result<S::Ok, S::Error> {
+    AccountsTwin::from(accounts).accounts.serialize(to)
 }

@@ -1,0 +1,182 @@
+//! One patch as a datum of the field: its row, its variance, and what every error source does to
+//! the height it reports.
+//!
+//! ```text
+//! g = (−∂h/∂x, −∂h/∂y, 1),   δz = g·δhit
+//! R = [gᵀ(J_α σ_α² J_αᵀ + J_d σ_d² J_dᵀ) g]/n + σ_ε² + σ_r²(Σ_xx + Σ_yy) + gᵀ J_χ Σ^χ J_χᵀ g
+//! ```
+//! - `g`: how the reported height answers a shift of the hit, from the newest surface
+//! - `n`: beams of the patch; `σ_ε`: roughness below the cell size (the nugget), m
+//! - `σ_r`: slope that the surface does not resolve, `2 σ_ε/cell`; `σ_t` before there is a surface
+//! - `Σ^χ`: covariance of the pose error, 6×6; `Σ_xx + Σ_yy`: horizontal variance of the hit, m²
+//!
+//! Checked: `derivatives_match_moved_hits`.
+#![expect(non_snake_case, reason = "matrices carry the letters of the equations")]
+
+use super::footprint::{Footprint, Patch};
+use super::matern_field::{Lattice, Row};
+use super::projection::LidarMount;
+use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
+
+/// The newest surface: where slopes come from, and what outliers are judged against.
+#[derive(Debug, Clone, Copy)]
+pub struct Linearization<'a> {
+    /// The nodes.
+    pub lattice: &'a Lattice,
+    /// Height of every node, m; `None` before the first solution.
+    pub heights_m: Option<&'a [f64]>,
+    /// The LiDAR.
+    pub lidar: &'a LidarMount,
+    /// Roughness below the cell size `σ_ε`, m.
+    pub nugget_m: f64,
+    /// Standard deviation `σ_t` of the slope before anything is known.
+    pub slope_sigma: f64,
+}
+
+/// A turn of the scanner with what its patches share.
+#[derive(Debug, Clone)]
+pub struct Turn<'a> {
+    pose_cov: Matrix6<f64>,
+    R: Matrix3<f64>,
+    /// Offset of the LiDAR in body axes, m, and its axes there.
+    lidar_origin_m: Vector3<f64>,
+    lidar_axes: Matrix3<f64>,
+    at: Linearization<'a>,
+}
+
+/// A patch as a datum.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Datum {
+    /// Bilinear weights.
+    pub row: Row,
+    /// The height it reports, m.
+    pub height_m: f64,
+    /// Variance of range and angle, averaged over the beams, m².
+    pub sensor_var_m2: f64,
+    /// Variance of what the nodes cannot show, m².
+    pub roughness_var_m2: f64,
+    /// Variance by the pose, m².
+    pub pose_var_m2: f64,
+    /// Derivative by the pose: position (hall axes), attitude (body axes).
+    pub by_pose: Vector6<f64>,
+    /// Derivative by the LiDAR's mounting: position (body axes), rotation (LiDAR axes).
+    pub by_mount: Vector6<f64>,
+    /// Derivative by the range, no unit.
+    pub by_range: f64,
+    /// Distance from LiDAR to hit, m.
+    pub range_m: f64,
+}
+
+/// Steeper ground than this is a wall's edge in the grid, not a slope.
+const MAX_SLOPE: f64 = 2.0;
+/// A hit this far from the surface is none of it, in σ …
+const GATE_SIGMAS: f64 = 6.0;
+/// … and in cells, for the surface is not smooth below the cell size.
+const GATE_CELLS: f64 = 1.5;
+
+impl<'a> Turn<'a> {
+    /// What the patches of a footprint share.
+    #[must_use]
+    pub fn new(footprint: &Footprint, at: Linearization<'a>) -> Self {
+        Self {
+            pose_cov: footprint.error.cov.fixed_view::<6, 6>(0, 0).into_owned(),
+            R: footprint.hall_from_body.rotation.matrix(),
+            lidar_origin_m: at.lidar.body_from_lidar.origin.coords,
+            lidar_axes: at.lidar.body_from_lidar.rotation.matrix(),
+            at,
+        }
+    }
+
+    /// The patch as a datum; `None` outside of the nodes.
+    #[must_use]
+    pub fn datum(&self, patch: &Patch) -> Option<Datum> {
+        let place = patch.place();
+        let row = self.at.lattice.row_at(place.x, place.y)?;
+        let g = self.at.answer_to_shift(&row);
+        let g_body = self.R.transpose() * g;
+        let g_lidar = self.lidar_axes.transpose() * g_body;
+        let arm = patch.arm();
+        let ray = self.lidar_axes.transpose() * (arm - self.lidar_origin_m);
+        let range_m = ray.norm().max(1e-6);
+        let along = ray / range_m;
+        let by_range = g_lidar.dot(&along);
+        // The beam turns about z of the LiDAR.
+        let by_angle = g_lidar.dot(&Vector3::z().cross(&ray));
+        let by_attitude = arm.cross(&g_body);
+        let by_pose = stacked(&g, &by_attitude);
+        let pose_var_m2 = by_pose.dot(&(self.pose_cov * by_pose)).max(0.0);
+        let lidar = self.at.lidar;
+        let sensor_var_m2 =
+            (by_range * lidar.range_sigma_m).powi(2) + (by_angle * lidar.angle_sigma_rad).powi(2);
+        let horizontal_var_m2 = self.pose_cov[(0, 0)]
+            + self.pose_cov[(1, 1)]
+            + (range_m * lidar.angle_sigma_rad).powi(2);
+        Some(Datum {
+            row,
+            height_m: place.z,
+            sensor_var_m2: sensor_var_m2 / f64::from(patch.n_beams),
+            roughness_var_m2: self.at.nugget_m.powi(2)
+                + self.at.residual_slope_var() * horizontal_var_m2,
+            pose_var_m2,
+            by_pose,
+            by_mount: stacked(&g_body, &ray.cross(&g_lidar)),
+            by_range,
+            range_m,
+        })
+    }
+}
+
+impl Linearization<'_> {
+    /// g: how the reported height answers a shift of the hit.
+    fn answer_to_shift(&self, row: &Row) -> Vector3<f64> {
+        let slope = self.heights_m.map_or([0.0; 2], |h| self.slope_at(row, h));
+        let [x, y] = slope.map(|s| s.clamp(-MAX_SLOPE, MAX_SLOPE));
+        Vector3::new(-x, -y, 1.0)
+    }
+
+    /// Slope of the bilinear surface at the row's point along x and y; edges of the square that end
+    /// in a node without weight (behind a wall) do not count.
+    fn slope_at(&self, row: &Row, heights_m: &[f64]) -> [f64; 2] {
+        const EDGES: [[(usize, usize); 2]; 2] = [[(0, 1), (2, 3)], [(0, 2), (1, 3)]];
+        EDGES.map(|edges| {
+            let (mut rise_m, mut weight) = (0.0, 0.0);
+            for (a, b) in edges {
+                if row.weights[a] > 0.0 && row.weights[b] > 0.0 {
+                    let w = row.weights[a] + row.weights[b];
+                    let height_m = |k: usize| heights_m[row.nodes[k] as usize];
+                    rise_m += w * (height_m(b) - height_m(a));
+                    weight += w;
+                }
+            }
+            if weight > 0.0 { rise_m / (weight * self.lattice.spacing_m()) } else { 0.0 }
+        })
+    }
+
+    fn residual_slope_var(&self) -> f64 {
+        if self.heights_m.is_none() {
+            return self.slope_sigma.powi(2);
+        }
+        (2.0 * self.nugget_m / self.lattice.spacing_m()).powi(2)
+    }
+
+    /// True if the datum can be of the surface.
+    #[must_use]
+    pub fn believes(&self, datum: &Datum) -> bool {
+        let Some(heights_m) = self.heights_m else { return true };
+        let gate_m =
+            (GATE_SIGMAS * datum.var_m2().sqrt()).max(GATE_CELLS * self.lattice.spacing_m());
+        (datum.height_m - datum.row.value(heights_m)).abs() <= gate_m
+    }
+}
+
+impl Datum {
+    /// R: everything on the diagonal, m².
+    #[must_use]
+    pub fn var_m2(&self) -> f64 {
+        self.sensor_var_m2 + self.roughness_var_m2 + self.pose_var_m2
+    }
+}
+
+fn stacked(a: &Vector3<f64>, b: &Vector3<f64>) -> Vector6<f64> {
+    Vector6::new(a.x, a.y, a.z, b.x, b.y, b.z)
+}

@@ -1,0 +1,343 @@
+//! The map of a flight as a Matérn field: turns of the scanner in, volumes with their budgets out.
+//!
+//! The map is the list of its turns ([`Footprint`]). A solve reads all of them anew with the slopes
+//! of the newest surface, so nothing of an early, coarse linearisation remains in the result, and
+//! maps of several flights add up by joining their lists.
+//!
+//! ```text
+//! turns ─▶ datum (row a, height z, variance R) ─▶ Σ aaᵀ/R, Σ a z/R ─▶ Q h = … ─▶ h, q ─▶ V, budget
+//!            ▲ slopes, outliers                                           │
+//!            └────────────────────────────────────────────────────────────┘
+//! ```
+
+use super::budget::{CalibrationSigmas, data_budgets};
+use super::datum::{Linearization, Turn};
+use super::footprint::Footprint;
+use super::grid_map::Bases;
+use super::mapper::SolvedSurface;
+use super::matern_field::{self, FieldError, Information, Lattice, Prior, Solution, Solver};
+use super::projection::LidarMount;
+use super::shares::SeenCells;
+use super::volume::Base;
+use crate::messages::{BudgetRow, BudgetSource, HeightMap, VolumeAccount, VolumeEstimate};
+use crate::time::{Mono, Stamp};
+use std::sync::Arc;
+
+/// What the field must know before a flight.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Settings {
+    /// Practical range ρ of the material's heights, m.
+    pub range_m: f64,
+    /// Standard deviation `σ_f` of the heights about their mean level, m.
+    pub sigma_m: f64,
+    /// Roughness below the cell size `σ_ε`, m.
+    pub nugget_m: f64,
+    /// Range, deviation and roughness are estimated from the data as soon as there are enough.
+    pub estimates_prior: bool,
+    /// Expected mean level, m, and its standard deviation, m.
+    pub mean_level_m: (f64, f64),
+    /// Standard deviation `σ_t` of the slope before anything is known.
+    pub slope_sigma: f64,
+    /// Errors that last the whole flight.
+    pub calibration: CalibrationSigmas,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            range_m: 5.0,
+            sigma_m: 1.0,
+            nugget_m: 0.02,
+            estimates_prior: true,
+            mean_level_m: (1.5, 1.5),
+            slope_sigma: 0.6,
+            calibration: CalibrationSigmas::default(),
+        }
+    }
+}
+
+/// What stays the same for all solves of a flight.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Setup {
+    /// What the field must know.
+    pub settings: Settings,
+    /// Nodes of the field.
+    pub lattice: Arc<Lattice>,
+    /// The LiDAR.
+    pub lidar: LidarMount,
+    /// The hall, then its bays.
+    pub bases: Bases,
+}
+
+/// The newest surface, which the next solve starts from.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NewestField {
+    /// Height of every node, m.
+    pub heights_m: Vec<f64>,
+    /// Range, deviation and roughness in use.
+    pub hyper: Hyper,
+}
+
+/// What the field assumes of the material.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hyper {
+    /// Practical range ρ, m.
+    pub range_m: f64,
+    /// Standard deviation `σ_f` about the mean level, m.
+    pub sigma_m: f64,
+    /// Roughness below the cell size `σ_ε`, m.
+    pub nugget_m: f64,
+    /// Turns that these were estimated from; 0 where they are configured.
+    pub n_turns: usize,
+}
+
+/// The turns of a flight, and the newest surface.
+#[derive(Debug, Clone)]
+pub struct FieldMap {
+    setup: Arc<Setup>,
+    footprints: Vec<Arc<Footprint>>,
+    newest: Option<Arc<NewestField>>,
+}
+
+impl FieldMap {
+    /// A map without a turn.
+    #[must_use]
+    pub const fn new(setup: Arc<Setup>) -> Self {
+        Self { setup, footprints: Vec::new(), newest: None }
+    }
+
+    /// Takes in a turn.
+    pub fn push(&mut self, footprint: Footprint) {
+        self.footprints.push(Arc::new(footprint));
+    }
+
+    /// Forgets all turns and surfaces.
+    pub fn restart(&mut self) {
+        self.footprints.clear();
+        self.newest = None;
+    }
+
+    /// Starts the next solve from this surface.
+    pub fn absorb(&mut self, newest: Arc<NewestField>) {
+        self.newest = Some(newest);
+    }
+
+    /// The nodes.
+    #[cfg(test)]
+    pub(super) fn lattice(&self) -> &Lattice {
+        &self.setup.lattice
+    }
+
+    /// The linearisation at these heights, with the configured roughness.
+    #[cfg(test)]
+    pub(super) fn linearization<'a>(&'a self, heights_m: Option<&'a [f64]>) -> Linearization<'a> {
+        self.setup.linearization(heights_m, self.setup.settings.nugget_m)
+    }
+
+    /// When the newest turn was taken.
+    #[must_use]
+    pub fn newest_turn_at(&self) -> Option<Stamp<Mono>> {
+        self.footprints.last().map(|footprint| footprint.error.at)
+    }
+
+    /// Everything a solve needs, as it is now.
+    #[must_use]
+    pub fn snapshot(&self, at: Stamp<Mono>, is_final: bool) -> SolveField {
+        SolveField {
+            at,
+            setup: Arc::clone(&self.setup),
+            footprints: self.footprints.clone(),
+            newest: self.newest.clone(),
+            is_final,
+        }
+    }
+}
+
+/// The work of turning footprints into a surface and its volumes; a pure function of its fields.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SolveField {
+    at: Stamp<Mono>,
+    setup: Arc<Setup>,
+    footprints: Vec<Arc<Footprint>>,
+    newest: Option<Arc<NewestField>>,
+    is_final: bool,
+}
+
+impl Hyper {
+    const fn configured(settings: &Settings) -> Self {
+        Self {
+            range_m: settings.range_m,
+            sigma_m: settings.sigma_m,
+            nugget_m: settings.nugget_m,
+            n_turns: 0,
+        }
+    }
+
+    const fn prior(&self, settings: &Settings) -> Prior {
+        Prior {
+            range_m: self.range_m,
+            sigma_m: self.sigma_m,
+            mean_m: settings.mean_level_m.0,
+            mean_sigma_m: settings.mean_level_m.1,
+        }
+    }
+}
+
+/// What the turns know, added up.
+struct Data {
+    info: Information,
+    n_beams: u64,
+    n_refused: u64,
+}
+
+/// One solution.
+struct Round {
+    solution: Solution,
+    data: Data,
+    /// The heights whose slopes the data were linearised with.
+    linearized_at_m: Option<Vec<f64>>,
+    newest: NewestField,
+}
+
+/// Solves after landing: the third changes the volume by less than a millionth.
+const FINAL_ROUNDS: usize = 3;
+
+impl SolveField {
+    /// Solves.
+    ///
+    /// # Errors
+    /// [`FieldError`] from the field.
+    pub fn run(&self) -> Result<SolvedSurface, FieldError> {
+        // The first solution of all has no slopes to start from.
+        let n_rounds =
+            if self.is_final { FINAL_ROUNDS } else { 1 + usize::from(self.newest.is_none()) };
+        let mut round = self.round(self.newest.as_deref(), true)?;
+        for _ in 1..n_rounds {
+            round = self.round(Some(&round.newest), false)?;
+        }
+        self.account(round)
+    }
+
+    /// One solution with the slopes of the one before.
+    fn round(&self, before: Option<&NewestField>, may_estimate: bool) -> Result<Round, FieldError> {
+        let settings = &self.setup.settings;
+        let mut hyper = before.map_or_else(|| Hyper::configured(settings), |b| b.hyper);
+        if may_estimate && settings.estimates_prior {
+            hyper = self.estimated(hyper);
+        }
+        let heights_m = before.map(|before| before.heights_m.clone());
+        let at = self.setup.linearization(heights_m.as_deref(), hyper.nugget_m);
+        let data = self.gather(&at);
+        let prior = hyper.prior(settings);
+        let solution = matern_field::solve(
+            &self.setup.lattice,
+            &prior,
+            &data.info,
+            Solver::Automatic,
+            heights_m.as_deref(),
+        )?;
+        let newest = NewestField { heights_m: solution.height_m().to_vec(), hyper };
+        Ok(Round { solution, data, linearized_at_m: heights_m, newest })
+    }
+
+    fn estimated(&self, hyper: Hyper) -> Hyper {
+        hyper
+    }
+
+    /// Adds up what all turns know.
+    fn gather(&self, at: &Linearization<'_>) -> Data {
+        let setup = &self.setup;
+        let mut data = Data { info: Information::new(&setup.lattice), n_beams: 0, n_refused: 0 };
+        for footprint in &self.footprints {
+            let turn = Turn::new(footprint, *at);
+            for patch in &footprint.patches {
+                let Some(datum) = turn.datum(patch) else { continue };
+                data.n_beams += u64::from(patch.n_beams);
+                if !at.believes(&datum) {
+                    data.n_refused += u64::from(patch.n_beams);
+                    continue;
+                }
+                data.info.add(&datum.row, datum.height_m, 1.0 / datum.var_m2());
+            }
+        }
+        data
+    }
+
+    /// The volumes of a solution with their budgets.
+    fn account(&self, round: Round) -> Result<SolvedSurface, FieldError> {
+        let setup = &self.setup;
+        let nugget_m = round.newest.hyper.nugget_m;
+        let at = setup.linearization(round.linearized_at_m.as_deref(), nugget_m);
+        let adjoint = |(_, base): &(String, Base)| {
+            round.solution.adjoint(&setup.lattice.from_cells(&base.cell_areas_m2), None)
+        };
+        let adjoints = setup.bases.iter().map(adjoint).collect::<Result<Vec<_>, _>>()?;
+        let q_m2: Vec<&[f64]> = adjoints.iter().map(|adjoint| adjoint.q.as_slice()).collect();
+        let budgets = data_budgets(&self.footprints, &at, &q_m2, &setup.settings.calibration);
+        let mean_m = setup.lattice.on_cells(&round.newest.heights_m);
+        let seen = setup.seen(&round.data.info);
+        let range_m = round.newest.hyper.range_m;
+        let accounts = std::iter::zip(setup.bases.iter(), std::iter::zip(adjoints, budgets))
+            .map(|((name, base), (adjoint, mut budget))| {
+                budget.rows.insert(
+                    0,
+                    BudgetRow { source: BudgetSource::Prior, var_m6: adjoint.prior_var },
+                );
+                if !base.errors.is_empty() {
+                    budget.push_shared(BudgetSource::Base, &base.errors);
+                }
+                let thickness_m = base.thickness_m(&mean_m);
+                VolumeAccount {
+                    name: name.clone(),
+                    estimate: VolumeEstimate {
+                        at: self.at,
+                        volume_m3: base.volume_m3(&mean_m),
+                        sigma_m3: budget.var_m6().max(0.0).sqrt(),
+                        coverage_ratio: base.area_share(|cell| seen.is_hit(cell)),
+                    },
+                    budget,
+                    shares: seen.shares(&base.cell_areas_m2, &thickness_m, range_m),
+                }
+            })
+            .collect();
+        let sigma_m = setup
+            .lattice
+            .on_cells(&round.solution.marginal_var_m2()?)
+            .iter()
+            .map(|var| var.sqrt())
+            .collect();
+        let surface = HeightMap { at: self.at, grid: *setup.lattice.grid(), mean_m, sigma_m };
+        Ok(SolvedSurface {
+            accounts,
+            surface,
+            n_beams_refused: round.data.n_refused,
+            newest: Some(Arc::new(round.newest)),
+        })
+    }
+}
+
+/// A cell counts as seen from this much of a patch on: one hit in its middle, or two beside it.
+const SEEN_FROM_PATCHES: f64 = 0.5;
+
+impl Setup {
+    fn seen(&self, info: &Information) -> SeenCells {
+        let grid = self.lattice.grid();
+        let is_seen = |cell| info.n_hits(self.lattice.node_of_cell(cell)) >= SEEN_FROM_PATCHES;
+        SeenCells::new(grid, &(0..grid.n_cells()).map(is_seen).collect::<Vec<_>>())
+    }
+
+    /// What a patch is worth at these heights.
+    fn linearization<'a>(
+        &'a self,
+        heights_m: Option<&'a [f64]>,
+        nugget_m: f64,
+    ) -> Linearization<'a> {
+        Linearization {
+            lattice: &self.lattice,
+            heights_m,
+            lidar: &self.lidar,
+            nugget_m,
+            slope_sigma: self.settings.slope_sigma,
+        }
+    }
+}

@@ -1,0 +1,228 @@
+//! The paper's map of a flight: a height grid, and a sparse Gaussian process over it.
+
+use super::kalman_grid::{self, KalmanGrid};
+use super::mapper::SolvedSurface;
+use super::projection::Hit;
+use super::region::Region;
+use super::shares::SeenCells;
+use super::sparse_gp::{self, GpError, Posterior};
+use super::volume::Base;
+use crate::messages::{
+    BudgetRow, BudgetSource, GridGeometry, HeightMap, VolumeAccount, VolumeBudget, VolumeEstimate,
+};
+use crate::time::{Mono, Stamp};
+use std::sync::Arc;
+
+/// How the variances of the cells become the variance of the volume.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum VolumeVariance {
+    /// A² Σ Σ*_ij: the marginal variances added, as printed.
+    Printed,
+    /// 1ᵀ Σ* 1: the variance of the sum.
+    #[default]
+    Full,
+}
+
+/// What the grid must know before a flight.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Settings {
+    /// How hits update the cells.
+    pub kalman_grid: kalman_grid::Settings,
+    /// The prior of the Gaussian process over the cells.
+    pub gp: sparse_gp::Settings,
+    /// The prior height is the mean of the measured cells instead of the configured one, so that
+    /// ground that nothing saw counts as average ground.
+    pub estimates_prior_height: bool,
+    /// How σ^V is added up.
+    pub volume_variance: VolumeVariance,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        let kalman_grid = kalman_grid::Settings::default();
+        Self {
+            kalman_grid,
+            gp: sparse_gp::Settings {
+                smoothness_nu: 1.5,
+                length_scale_m: kalman_grid.length_scale_m,
+                reach: kalman_grid.reach,
+                sigma_m: kalman_grid.prior_sigma_m,
+                mean_m: kalman_grid.prior_height_m,
+                cut: sparse_gp::Cut::Taper,
+            },
+            estimates_prior_height: true,
+            volume_variance: VolumeVariance::Full,
+        }
+    }
+}
+
+/// What is measured: the hall, then its bays.
+pub type Bases = Arc<Vec<(String, Base)>>;
+
+/// The growing grid of one flight.
+#[derive(Debug, Clone)]
+pub struct GridMap {
+    settings: Settings,
+    grid: KalmanGrid,
+    bases: Bases,
+    /// Cells whose hits may reach over an exclusion.
+    is_near_exclusion: Vec<bool>,
+}
+
+impl GridMap {
+    /// A grid at its prior.
+    #[must_use]
+    pub fn new(settings: Settings, region: &Region, geometry: GridGeometry, bases: Bases) -> Self {
+        let kalman = settings.kalman_grid;
+        // Half a cell's diagonal: the hit may be anywhere in its cell.
+        let reach_m = kalman.reach * kalman.length_scale_m + geometry.cell_m;
+        let is_near_exclusion = region.cells_near_exclusions(&geometry, reach_m);
+        Self { settings, grid: KalmanGrid::new(geometry, kalman), bases, is_near_exclusion }
+    }
+
+    /// Begins a new map.
+    pub fn restart(&mut self) {
+        self.grid = KalmanGrid::new(*self.grid.geometry(), self.settings.kalman_grid);
+    }
+
+    /// Updates the cells around a hit.
+    pub fn insert(&mut self, hit: &Hit, region: &Region) {
+        let place = (hit.place.coords.x, hit.place.coords.y);
+        let cell = self.grid.geometry().cell_at(place.0, place.1);
+        // Looking for walls in between costs more than the update, and most cells have none near.
+        if cell.is_some_and(|cell| self.is_near_exclusion[cell]) {
+            self.grid.insert(hit, |centre| !region.separates(place, centre));
+        } else {
+            self.grid.insert(hit, |_| true);
+        }
+    }
+
+    /// The cells.
+    #[must_use]
+    pub const fn grid(&self) -> &KalmanGrid {
+        &self.grid
+    }
+
+    /// The volumes of the cells as they are, their variances added: what is left when the surface
+    /// cannot be solved.
+    #[must_use]
+    pub fn cell_volumes(&self, at: Stamp<Mono>) -> Vec<VolumeAccount> {
+        let seen = self.seen();
+        let account = |(name, base): &(String, Base)| {
+            let areas_m2 = &base.cell_areas_m2;
+            let var_m6 = std::iter::zip(areas_m2, self.grid.var_m2()).map(|(a, v)| a * a * v).sum();
+            let range_m = self.settings.gp.length_scale_m;
+            account(at, name, base, self.grid.mean_m(), var_m6, &seen, range_m)
+        };
+        self.bases.iter().map(account).collect()
+    }
+
+    fn seen(&self) -> SeenCells {
+        let is_hit: Vec<bool> = self.grid.n_hits().iter().map(|n| *n > 0).collect();
+        SeenCells::new(self.grid.geometry(), &is_hit)
+    }
+
+    /// h0: configured, or the mean height of the cells that a beam has hit.
+    fn prior_height_m(&self) -> f64 {
+        let configured_m = self.settings.kalman_grid.prior_height_m;
+        let Some((_, hall)) = self.bases.first().filter(|_| self.settings.estimates_prior_height)
+        else {
+            return configured_m;
+        };
+        let areas_m2 = hall.cell_areas_m2.iter().zip(self.grid.n_hits());
+        let (area_m2, volume_m3) = std::iter::zip(areas_m2, self.grid.mean_m())
+            .filter(|((_, n_hits), _)| **n_hits > 0)
+            .fold((0.0, 0.0), |(area, volume), ((a, _), mean)| (area + a, volume + a * mean));
+        if area_m2 > 0.0 { volume_m3 / area_m2 } else { configured_m }
+    }
+
+    /// Everything a solve of the surface needs, as it is now.
+    #[must_use]
+    pub fn snapshot(&self, at: Stamp<Mono>, wants_marginals: bool) -> SolveGrid {
+        let prior_height_m = self.prior_height_m();
+        SolveGrid {
+            at,
+            geometry: *self.grid.geometry(),
+            cell_mean_m: self.grid.mean_on_prior_m(prior_height_m),
+            cell_var_m2: self.grid.var_m2().to_vec(),
+            seen: self.seen(),
+            bases: Arc::clone(&self.bases),
+            gp: sparse_gp::Settings { mean_m: prior_height_m, ..self.settings.gp },
+            volume_variance: self.settings.volume_variance,
+            wants_marginals,
+        }
+    }
+}
+
+/// One volume of the grid: the paper knows one source, the cells' variances.
+fn account(
+    at: Stamp<Mono>,
+    name: &str,
+    base: &Base,
+    mean_m: &[f64],
+    var_m6: f64,
+    seen: &SeenCells,
+    range_m: f64,
+) -> VolumeAccount {
+    let thickness_m = base.thickness_m(mean_m);
+    let rows = vec![BudgetRow { source: BudgetSource::BeamNoise, var_m6 }];
+    VolumeAccount {
+        name: name.to_owned(),
+        estimate: VolumeEstimate {
+            at,
+            volume_m3: base.volume_m3(mean_m),
+            sigma_m3: var_m6.max(0.0).sqrt(),
+            coverage_ratio: base.area_share(|cell| seen.is_hit(cell)),
+        },
+        budget: VolumeBudget { rows, shared: Vec::new() },
+        shares: seen.shares(&base.cell_areas_m2, &thickness_m, range_m),
+    }
+}
+
+/// The work of turning cells into a surface and its volumes; a pure function of its fields.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SolveGrid {
+    at: Stamp<Mono>,
+    geometry: GridGeometry,
+    cell_mean_m: Vec<f64>,
+    cell_var_m2: Vec<f64>,
+    seen: SeenCells,
+    bases: Bases,
+    gp: sparse_gp::Settings,
+    volume_variance: VolumeVariance,
+    wants_marginals: bool,
+}
+
+impl SolveGrid {
+    /// Solves.
+    ///
+    /// # Errors
+    /// [`GpError`] from the Gaussian process.
+    pub fn run(&self) -> Result<SolvedSurface, GpError> {
+        let posterior =
+            Posterior::new(&self.geometry, &self.cell_mean_m, &self.cell_var_m2, &self.gp)?;
+        let needs_marginals =
+            self.wants_marginals || self.volume_variance == VolumeVariance::Printed;
+        let var_m2 =
+            if needs_marginals { posterior.marginal_var_m2() } else { self.cell_var_m2.clone() };
+        let account = |(name, base): &(String, Base)| {
+            let areas_m2 = &base.cell_areas_m2;
+            let var_m6 = match self.volume_variance {
+                VolumeVariance::Full => posterior.sum_var(areas_m2),
+                VolumeVariance::Printed => {
+                    std::iter::zip(areas_m2, &var_m2).map(|(area, var)| area * area * var).sum()
+                }
+            };
+            let mean_m = posterior.mean_m();
+            account(self.at, name, base, mean_m, var_m6, &self.seen, self.gp.length_scale_m)
+        };
+        let surface = HeightMap {
+            at: self.at,
+            grid: self.geometry,
+            mean_m: posterior.mean_m().to_vec(),
+            sigma_m: var_m2.iter().map(|var| var.sqrt()).collect(),
+        };
+        let accounts = self.bases.iter().map(account).collect();
+        Ok(SolvedSurface { accounts, surface, n_beams_refused: 0, newest: None })
+    }
+}

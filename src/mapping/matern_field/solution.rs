@@ -1,0 +1,273 @@
+//! The posterior: heights, adjoints, variances, draws.
+
+use super::information::Information;
+use super::iterative::{Stop, conjugate_gradients, dot};
+use super::lattice::Lattice;
+use super::prior::{Operator, Prior};
+use super::stencil::{HERE, Stencil};
+use super::{FieldError, Solver};
+use crate::mapping::sparse_cholesky::Factor;
+use crate::stats::Noise;
+use std::sync::Arc;
+
+/// The field given the data.
+#[derive(Debug)]
+pub struct Solution {
+    lattice: Arc<Lattice>,
+    prior: Prior,
+    system: System,
+    height_m: Vec<f64>,
+    /// What the solve left of the right-hand side, 1/m.
+    residual: Vec<f64>,
+    n_steps: usize,
+}
+
+/// The answer to "how does Σ w h react to the data, and how uncertain is it".
+#[derive(Debug, Clone, PartialEq)]
+pub struct Adjoint {
+    /// q = Σ* w, the covariance of the heights times w. A datum with row a, value z and variance R moves Σ w h
+    /// by aᵀq/R for each metre that z moves.
+    pub q: Vec<f64>,
+    /// The prior's share of the variance: qₓᵀ Q0 qₓ + q_β²/σ_β².
+    pub prior_var: f64,
+    /// The whole variance wᵀ q, data taken as independent.
+    pub var: f64,
+}
+
+/// Q_h h = b, where Q_h is the precision of the whole height.
+#[derive(Debug)]
+struct System {
+    operator: Operator,
+    q: Stencil,
+    level: Option<Level>,
+    method: Method,
+}
+
+/// The unknown level β, integrated out: Q_h = Q − c g gᵀ.
+#[derive(Debug)]
+struct Level {
+    /// g = Q0 1.
+    g: Vec<f64>,
+    /// c = 1/(1/σ_β² + 1ᵀg).
+    c: f64,
+    /// 1/σ_β², 1/m².
+    prior_info: f64,
+}
+
+#[derive(Debug)]
+enum Method {
+    /// Q⁻¹ by its factor; Q_h⁻¹ = Q⁻¹ + v vᵀ/s.
+    Direct {
+        factor: Factor,
+        level: Option<LevelResponse>,
+    },
+    Iterative {
+        inverse_diagonal: Vec<f64>,
+        stop: Stop,
+    },
+}
+
+/// v = Q⁻¹ g, s = 1/σ_β² + gᵀ(1 − v).
+#[derive(Debug)]
+struct LevelResponse {
+    v: Vec<f64>,
+    s: f64,
+}
+
+impl System {
+    fn new(
+        lattice: &Lattice,
+        prior: &Prior,
+        information: &Information,
+        solver: Solver,
+    ) -> Result<Self, FieldError> {
+        let operator = Operator::new(lattice, prior);
+        let mut q = operator.stencil(lattice);
+        information.add_to(&mut q);
+        let level = (prior.mean_sigma_m > 0.0).then(|| Level::new(lattice, &operator, prior));
+        let method = match solver.choose(lattice, information) {
+            Solver::Iterative { residual_ratio } => Method::Iterative {
+                inverse_diagonal: q.parts[HERE].iter().map(|d| 1.0 / d).collect(),
+                stop: Stop { residual_ratio, n_steps: 20_000 },
+            },
+            Solver::Direct | Solver::Automatic => {
+                let factor = lattice.analysis()?.factorize(&q.lower_values())?;
+                let level = level.as_ref().map(|level| level.response(&factor)).transpose()?;
+                Method::Direct { factor, level }
+            }
+        };
+        Ok(Self { operator, q, level, method })
+    }
+
+    /// y = Q_h x.
+    fn apply(&self, x: &[f64], y: &mut [f64]) {
+        self.q.apply(x, y);
+        if let Some(Level { g, c, .. }) = &self.level {
+            let amount = c * dot(g, x);
+            y.iter_mut().zip(g).for_each(|(y, g)| *y -= amount * g);
+        }
+    }
+
+    /// Q_h⁻¹ b, and how many steps it took.
+    fn solve(&self, b: &[f64], start: Option<&[f64]>) -> Result<(Vec<f64>, usize), FieldError> {
+        match &self.method {
+            Method::Direct { factor, level } => {
+                let mut x = factor.solve(b);
+                if let Some(LevelResponse { v, s }) = level {
+                    let amount = dot(v, b) / s;
+                    x.iter_mut().zip(v).for_each(|(x, v)| *x += amount * v);
+                }
+                Ok((x, 1))
+            }
+            Method::Iterative { inverse_diagonal, stop } => {
+                let start = start.map_or_else(|| vec![0.0; b.len()], <[f64]>::to_vec);
+                let precondition = |r: &[f64], z: &mut [f64]| {
+                    for (z, (r, d)) in z.iter_mut().zip(r.iter().zip(inverse_diagonal)) {
+                        *z = r * d;
+                    }
+                };
+                let apply = |x: &[f64], y: &mut [f64]| self.apply(x, y);
+                let done = conjugate_gradients(apply, precondition, b, start, *stop)?;
+                Ok((done.x, done.n_steps))
+            }
+        }
+    }
+}
+
+impl Level {
+    fn new(lattice: &Lattice, operator: &Operator, prior: &Prior) -> Self {
+        let g = operator.apply(lattice, &vec![1.0; lattice.n_nodes()]);
+        let prior_info = prior.mean_sigma_m.powi(-2);
+        let c = 1.0 / (prior_info + g.iter().sum::<f64>());
+        Self { g, c, prior_info }
+    }
+
+    fn response(&self, factor: &Factor) -> Result<LevelResponse, FieldError> {
+        let v = factor.solve(&self.g);
+        let seen: f64 = self.g.iter().zip(&v).map(|(g, v)| g * (1.0 - v)).sum();
+        let s = self.prior_info + seen;
+        // Without a prior and without data the level is not determined; what is left is rounding.
+        let scale = 1.0 / self.c - self.prior_info;
+        if s > 1e-9 * scale { Ok(LevelResponse { v, s }) } else { Err(FieldError::NoLevel) }
+    }
+}
+
+impl Solution {
+    pub(super) fn new(
+        lattice: &Arc<Lattice>,
+        prior: &Prior,
+        information: &Information,
+        solver: Solver,
+        warm_start: Option<&[f64]>,
+    ) -> Result<Self, FieldError> {
+        prior.check()?;
+        let expected = lattice.n_nodes();
+        for got in [Some(information.n_nodes()), warm_start.map(<[f64]>::len)] {
+            if let Some(got) = got.filter(|got| *got != expected) {
+                return Err(FieldError::Size { got, expected });
+            }
+        }
+        let system = System::new(lattice, prior, information, solver)?;
+        let b = information.innovations(prior.mean_m);
+        let start = warm_start.map(|start| start.iter().map(|h| h - prior.mean_m).collect());
+        let start: Option<Vec<f64>> = start;
+        let (x, n_steps) = system.solve(&b, start.as_deref())?;
+        let mut residual = vec![0.0; expected];
+        system.apply(&x, &mut residual);
+        residual.iter_mut().zip(&b).for_each(|(r, b)| *r = b - *r);
+        let height_m = x.iter().map(|x| prior.mean_m + x).collect();
+        Ok(Self {
+            lattice: Arc::clone(lattice),
+            prior: *prior,
+            system,
+            height_m,
+            residual,
+            n_steps,
+        })
+    }
+
+    /// Expected height over the hall floor at every node, m.
+    #[must_use]
+    pub fn height_m(&self) -> &[f64] {
+        &self.height_m
+    }
+
+    /// The nodes.
+    #[must_use]
+    pub const fn lattice(&self) -> &Arc<Lattice> {
+        &self.lattice
+    }
+
+    /// The prior.
+    #[must_use]
+    pub const fn prior(&self) -> &Prior {
+        &self.prior
+    }
+
+    /// Steps that the solve of the heights took; 1 for the direct solver.
+    #[must_use]
+    pub const fn n_steps(&self) -> usize {
+        self.n_steps
+    }
+
+    /// The adjoint of Σ w h. `warm_start` is the `q` of an earlier one with the same w.
+    ///
+    /// # Errors
+    /// Weights of another size; [`FieldError::NotConverged`].
+    pub fn adjoint(&self, w: &[f64], warm_start: Option<&[f64]>) -> Result<Adjoint, FieldError> {
+        let expected = self.lattice.n_nodes();
+        for got in [Some(w.len()), warm_start.map(<[f64]>::len)].into_iter().flatten() {
+            if got != expected {
+                return Err(FieldError::Size { got, expected });
+            }
+        }
+        let (q, _) = self.system.solve(w, warm_start)?;
+        let operator = &self.system.operator;
+        let prior_var = match &self.system.level {
+            None => operator.energy(&self.lattice, &q),
+            Some(Level { g, c, prior_info }) => {
+                let q_level = c * dot(g, &q);
+                let q_field: Vec<f64> = q.iter().map(|q| q - q_level).collect();
+                operator.energy(&self.lattice, &q_field) + q_level * q_level * prior_info
+            }
+        };
+        Ok(Adjoint { prior_var, var: dot(w, &q), q })
+    }
+
+    /// Σ w h, corrected for what the iterative solve left: wᵀh + qᵀ(b − Q h). Its error is of
+    /// second order in those of h and q.
+    #[must_use]
+    pub fn functional(&self, w: &[f64], adjoint: &Adjoint) -> f64 {
+        dot(w, &self.height_m) + dot(&adjoint.q, &self.residual)
+    }
+
+    /// A draw of the surface given the data, m; None for an iterative solution, which has no
+    /// factor. From a solution without data it is a draw of the prior.
+    #[must_use]
+    pub fn sample_m(&self, noise: &mut Noise) -> Option<Vec<f64>> {
+        let Method::Direct { factor, level } = &self.system.method else { return None };
+        let white: Vec<f64> = (0..self.height_m.len()).map(|_| noise.normal()).collect();
+        let mut draw = factor.colour(&white);
+        if let Some(LevelResponse { v, s }) = level {
+            let amount = noise.normal() / s.sqrt();
+            draw.iter_mut().zip(v).for_each(|(x, v)| *x += amount * v);
+        }
+        draw.iter_mut().zip(&self.height_m).for_each(|(x, mean_m)| *x += mean_m);
+        Some(draw)
+    }
+
+    /// Variance of the height at every node, m²: the diagonal of Σ*, exact.
+    ///
+    /// # Errors
+    /// The factor that it needs does not fit into memory.
+    pub fn marginal_var_m2(&self) -> Result<Vec<f64>, FieldError> {
+        let Method::Direct { factor, level } = &self.system.method else {
+            return Err(FieldError::NoFactor);
+        };
+        let mut var_m2 = factor.inverse_diagonal();
+        if let Some(LevelResponse { v, s }) = level {
+            var_m2.iter_mut().zip(v).for_each(|(var, v)| *var += v * v / s);
+        }
+        Ok(var_m2)
+    }
+}

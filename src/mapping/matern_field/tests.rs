@@ -1,0 +1,276 @@
+//! The field against dense algebra and closed forms.
+
+mod dense;
+
+use super::*;
+use crate::messages::GridGeometry;
+use crate::stats::SeedBook;
+use dense::Dense;
+
+fn square_grid(n: usize, cell_m: f64) -> GridGeometry {
+    GridGeometry { x_min_m: -3.0, y_min_m: 1.5, cell_m, n_cols: n, n_rows: n }
+}
+
+const PRIOR: Prior = Prior { range_m: 2.0, sigma_m: 0.8, mean_m: 1.3, mean_sigma_m: 0.0 };
+
+fn open(_: (f64, f64), _: (f64, f64)) -> bool {
+    false
+}
+
+/// Hits anywhere on the grid, heights far from the mean, variances over two decades.
+fn hits(grid: &GridGeometry, n: usize, seed: u64) -> Vec<((f64, f64), f64, f64)> {
+    let mut noise = SeedBook::new(seed).stream("hits");
+    let (x_max_m, y_max_m) = grid.max_corner_m();
+    (0..n)
+        .map(|_| {
+            let place =
+                (noise.between(grid.x_min_m, x_max_m), noise.between(grid.y_min_m, y_max_m));
+            (place, noise.between(0.0, 3.0), 10.0_f64.powf(noise.between(-4.0, -2.0)))
+        })
+        .collect()
+}
+
+/// Solves with a few hits and compares mean, variances, volume variance and draws' covariance.
+fn compare_with_dense(
+    prior: &Prior,
+    solver: Solver,
+    walls: impl Fn((f64, f64), (f64, f64)) -> bool + Copy,
+) {
+    let grid = square_grid(20, 0.25);
+    let lattice = Arc::new(Lattice::covering(&grid, 0.75, walls));
+    let mut information = Information::new(&lattice);
+    let mut dense = Dense::new(&grid, 3, prior, walls);
+    let mut n_used = 0;
+    for (place, z, var_m2) in hits(&grid, 250, 5) {
+        // The left third stays unseen.
+        if place.0 < -1.4 {
+            continue;
+        }
+        // Nothing is seen from inside the wall.
+        let Some(row) = lattice.row_at(place.0, place.1) else { continue };
+        assert!(information.add(&row, z, 1.0 / var_m2));
+        dense.observe(&row, z, var_m2);
+        n_used += 1;
+    }
+    assert!(n_used > 100);
+    let (mean_m, cov_m2) = dense.posterior();
+    let solution = solve(&lattice, prior, &information, solver, None).expect("solved");
+    let mut worst = 0.0_f64;
+    for (ours, theirs) in solution.height_m().iter().zip(mean_m.iter()) {
+        worst = worst.max((ours - theirs).abs() / theirs.abs().max(0.1));
+    }
+    assert!(worst < 1e-6, "mean differs by {worst:e}");
+
+    let w = lattice.from_cells(&vec![grid.cell_area_m2(); grid.n_cells()]);
+    let adjoint = solution.adjoint(&w, None).expect("solved");
+    let w = nalgebra::DVector::from_vec(w);
+    let volume_var = (w.transpose() * &cov_m2 * &w)[(0, 0)];
+    assert!((adjoint.var / volume_var - 1.0).abs() < 1e-6, "{} {volume_var}", adjoint.var);
+    // Data's share by its definition, Σ k² R with k = aᵀq/R.
+    let data_var: f64 =
+        dense.rows.iter().map(|(row, _, var_m2)| row.value(&adjoint.q).powi(2) / var_m2).sum();
+    let sum = (adjoint.prior_var + data_var) / volume_var;
+    assert!((sum - 1.0).abs() < 1e-6, "shares add up to {sum}");
+
+    if solver == Solver::Direct {
+        let var_m2 = solution.marginal_var_m2().expect("exact");
+        for (node, ours) in var_m2.iter().enumerate() {
+            assert!((ours / cov_m2[(node, node)] - 1.0).abs() < 1e-6, "node {node}");
+        }
+    }
+}
+
+/// A wall along x, with a gap at its left end.
+fn wall(a: (f64, f64), b: (f64, f64)) -> bool {
+    let bounds =
+        crate::mapping::region::Rect { x_min_m: -2.2, x_max_m: 9.0, y_min_m: 3.1, y_max_m: 3.27 };
+    bounds.cuts(a, b)
+}
+
+#[test]
+fn posterior_equals_the_dense_gaussian_process() {
+    compare_with_dense(&PRIOR, Solver::Direct, open);
+}
+
+#[test]
+fn posterior_with_walls_and_unknown_level_equals_the_dense_one() {
+    let prior = Prior { mean_sigma_m: 2.5, ..PRIOR };
+    compare_with_dense(&prior, Solver::Direct, wall);
+}
+
+#[test]
+fn iterative_posterior_equals_the_dense_one() {
+    let prior = Prior { mean_sigma_m: 2.5, ..PRIOR };
+    compare_with_dense(&prior, Solver::Iterative { residual_ratio: 1e-10 }, wall);
+    compare_with_dense(&PRIOR, Solver::Iterative { residual_ratio: 1e-10 }, open);
+}
+
+/// The field without data, and the covariance of every node with one of them.
+fn prior_column(lattice: &Arc<Lattice>, prior: &Prior, node: usize) -> Vec<f64> {
+    let information = Information::new(lattice);
+    let solution = solve(lattice, prior, &information, Solver::Direct, None).expect("solved");
+    let mut w = vec![0.0; lattice.n_nodes()];
+    w[node] = 1.0;
+    solution.adjoint(&w, None).expect("solved").q
+}
+
+#[test]
+fn prior_matches_the_matern_closed_form() {
+    // Grid of 12 m with 5 m around it; ρ = 4 m.
+    let prior = Prior { range_m: 4.0, sigma_m: 0.7, mean_m: 0.0, mean_sigma_m: 0.0 };
+    let grid = square_grid(60, 0.2);
+    let lattice = Arc::new(Lattice::covering(&grid, 5.0, open));
+    let middle_cell = 30 * 60 + 30;
+    let middle = lattice.node_of_cell(middle_cell);
+    let cov_m2 = prior_column(&lattice, &prior, middle);
+    let var_m2 = prior.sigma_m * prior.sigma_m;
+    assert!((cov_m2[middle] / var_m2 - 1.0).abs() < 0.03, "variance {}", cov_m2[middle] / var_m2);
+    // Along x and along the diagonal, in cells.
+    for (cols, rows) in [(3, 0), (0, 6), (10, 0), (7, 7), (20, 0), (14, 14), (28, 0)] {
+        let node = lattice.node_of_cell(middle_cell + rows * 60 + cols);
+        #[expect(clippy::cast_precision_loss, reason = "a few cells")]
+        let distance_m = 0.2 * ((cols * cols + rows * rows) as f64).sqrt();
+        let u = prior.kappa_per_m() * distance_m;
+        let closed_form = u * puruspe::bessel::Kn(1, u);
+        let ours = cov_m2[node] / cov_m2[middle];
+        assert!((ours - closed_form).abs() < 0.01, "{distance_m} m: {ours}, not {closed_form}");
+    }
+}
+
+#[test]
+fn bessel_function_matches_published_values() {
+    // Abramowitz and Stegun 1964, tables 9.8 and 9.9: K₁(0.5), K₁(1), K₁(2), K₁(5).
+    for (x, published) in [
+        (0.5, 1.656_441_120_0),
+        (1.0, 0.601_907_230_2),
+        (2.0, 0.139_865_881_8),
+        (5.0, 0.004_044_613_4),
+    ] {
+        assert!((puruspe::bessel::Kn(1, x) / published - 1.0_f64).abs() < 1e-7, "K1({x})");
+    }
+}
+
+#[test]
+fn prior_variance_holds_at_edges_and_walls() {
+    let prior = Prior { range_m: 3.0, sigma_m: 1.0, mean_m: 0.0, mean_sigma_m: 0.0 };
+    let grid = square_grid(40, 0.25);
+    let lattice = Arc::new(Lattice::covering(&grid, prior.padding_m(), wall));
+    let information = Information::new(&lattice);
+    let solution = solve(&lattice, &prior, &information, Solver::Direct, None).expect("solved");
+    let var_m2 = lattice.on_cells(&solution.marginal_var_m2().expect("exact"));
+    for (cell, var_m2) in var_m2.iter().enumerate() {
+        let (x_m, y_m) = grid.centre_m(cell);
+        let is_at_wall = x_m > -3.0 && (y_m - 3.2).abs() < 1.5;
+        let bound = if is_at_wall { 0.4 } else { 0.05 };
+        assert!((var_m2 - 1.0).abs() < bound, "cell {cell} at {x_m} {y_m}: {var_m2}");
+    }
+}
+
+#[test]
+fn draws_have_the_posterior_covariance() {
+    let prior = Prior { mean_sigma_m: 1.5, ..PRIOR };
+    let grid = square_grid(8, 0.4);
+    let lattice = Arc::new(Lattice::covering(&grid, 0.4, open));
+    let mut information = Information::new(&lattice);
+    for ((x_m, y_m), z, var_m2) in hits(&grid, 12, 3) {
+        let row = lattice.row_at(x_m, y_m).expect("on the lattice");
+        information.add(&row, z, 1e-2 / var_m2);
+    }
+    let solution = solve(&lattice, &prior, &information, Solver::Direct, None).expect("solved");
+    let w = lattice.from_cells(&(0..64).map(|k| f64::from(k % 5)).collect::<Vec<_>>());
+    let var = solution.adjoint(&w, None).expect("solved").var;
+    let mean = iterative::dot(&w, solution.height_m());
+    let mut noise = SeedBook::new(11).stream("draws");
+    let n = 4000;
+    let (mut sum, mut squares) = (0.0, 0.0);
+    for _ in 0..n {
+        let draw = solution.sample_m(&mut noise).expect("has a factor");
+        let error = iterative::dot(&w, &draw) - mean;
+        sum += error;
+        squares += error * error;
+    }
+    // Standard errors: of the mean 1/√n = 0.016 σ, of the variance √(2/n) = 0.022; 4 of them each.
+    assert!((sum / f64::from(n)).abs() < 0.064 * var.sqrt());
+    assert!((squares / f64::from(n) / var - 1.0).abs() < 0.09, "{}", squares / f64::from(n) / var);
+}
+
+#[test]
+fn merged_maps_equal_the_joint_one() {
+    let grid = square_grid(12, 0.25);
+    let lattice = Arc::new(Lattice::covering(&grid, 1.0, open));
+    let [mut joint, mut first, mut second] = std::array::from_fn(|_| Information::new(&lattice));
+    for (k, ((x_m, y_m), z, var_m2)) in hits(&grid, 200, 8).into_iter().enumerate() {
+        let row = lattice.row_at(x_m, y_m).expect("on the lattice");
+        joint.add(&row, z, 1.0 / var_m2);
+        if k % 3 == 0 { &mut first } else { &mut second }.add(&row, z, 1.0 / var_m2);
+    }
+    first.merge(&second).expect("same lattice");
+    let height_m = |data: &Information| {
+        solve(&lattice, &PRIOR, data, Solver::Direct, None).expect("solved").height_m().to_vec()
+    };
+    for (a, b) in height_m(&joint).iter().zip(height_m(&first)) {
+        assert!((a - b).abs() < 1e-10);
+    }
+    let other = Information::new(&Lattice::covering(&square_grid(11, 0.25), 1.0, open));
+    assert!(first.merge(&other).is_err());
+}
+
+#[test]
+fn rows_are_bilinear_and_do_not_look_through_walls() {
+    let grid = square_grid(20, 0.25);
+    let lattice = Lattice::covering(&grid, 0.75, wall);
+    let mut n_cut = 0;
+    for ((x_m, y_m), _, _) in hits(&grid, 2000, 2) {
+        let Some(row) = lattice.row_at(x_m, y_m) else {
+            assert!(wall((x_m, y_m), (x_m, y_m + 0.1)) || wall((x_m, y_m), (x_m, y_m - 0.1)));
+            continue;
+        };
+        assert!((row.weights.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+        let hides = |n: &u32| wall((x_m, y_m), lattice.place_m(*n as usize));
+        if row.nodes.iter().any(hides) {
+            n_cut += 1;
+            let hidden = row.nodes.iter().zip(row.weights).filter(|(n, _)| hides(n));
+            for (node, weight) in hidden {
+                // The middle of a part of the square stands for the part, up to 1/64 m off.
+                let sees_from = |dx_m: f64, dy_m: f64| {
+                    !wall((x_m + dx_m, y_m + dy_m), lattice.place_m(*node as usize))
+                };
+                let is_seen_nearby = [-0.016, 0.016]
+                    .iter()
+                    .any(|dx| [-0.016, 0.016].iter().any(|dy| sees_from(*dx, *dy)));
+                assert!(weight == 0.0 || is_seen_nearby, "{x_m} {y_m}: {weight}");
+            }
+        } else if row.weights.iter().all(|a| *a > 0.0) {
+            let at = |axis: usize| {
+                let place = |n: &u32| <[f64; 2]>::from(lattice.place_m(*n as usize))[axis];
+                row.nodes.iter().zip(row.weights).map(|(n, a)| a * place(n)).sum::<f64>()
+            };
+            assert!((at(0) - x_m).abs() < 1e-9 && (at(1) - y_m).abs() < 1e-9);
+        }
+    }
+    assert!(n_cut > 20);
+    assert!(lattice.row_at(f64::NAN, 0.0).is_none());
+    assert!(lattice.row_at(100.0, 2.0).is_none());
+}
+
+#[test]
+fn what_is_not_sound_is_refused() {
+    let grid = square_grid(5, 0.25);
+    let lattice = Arc::new(Lattice::covering(&grid, 0.5, open));
+    let mut information = Information::new(&lattice);
+    let row = lattice.row_at(-2.5, 2.0).expect("on the lattice");
+    assert!(!information.add(&row, f64::NAN, 1.0));
+    assert!(!information.add(&row, 1.0, f64::INFINITY));
+    assert!(!information.add(&row, 1.0, 0.0));
+    assert_eq!(information, Information::new(&lattice));
+    let prior = Prior { range_m: 0.0, ..PRIOR };
+    let refused = solve(&lattice, &prior, &information, Solver::Direct, None);
+    assert!(matches!(refused, Err(FieldError::Prior { .. })));
+    let prior = Prior { mean_sigma_m: f64::INFINITY, ..PRIOR };
+    let refused = solve(&lattice, &prior, &information, Solver::Direct, None);
+    assert_eq!(refused.err(), Some(FieldError::NoLevel));
+    information.add(&row, 4.0, 100.0);
+    let solution = solve(&lattice, &prior, &information, Solver::Direct, None).expect("one hit");
+    // A single hit and no other knowledge of the level: everything is expected at its height.
+    assert!(solution.height_m().iter().all(|h| (h - 4.0).abs() < 1e-6));
+}
