@@ -1,9 +1,9 @@
 //! Bays: parts of the region that are measured for themselves.
 
-use super::base::{BaseError, BaseSurface};
+use super::base::BaseSurface;
 use super::clip::part_of;
 use super::density::Density;
-use super::polygon::Polygon;
+use super::polygon::{Place, Polygon};
 use super::rect::Rect;
 use super::region::Region;
 use super::shares::SeenCells;
@@ -32,11 +32,10 @@ pub const WHOLE_REGION: &str = "hall";
 pub struct BayOnGrid {
     /// Its name.
     pub name: String,
-    /// The area of the bay in each cell without the exclusions, and the base under it.
+    /// The area of the bay in each cell without the exclusions, the base under it, and its errors.
     pub base: Base,
-    /// The constant errors of the volume by the base: what
-    /// [`push_shared`](crate::messages::VolumeBudget::push_shared) takes.
-    pub base_errors: Vec<BaseError>,
+    /// Where the base was taken, and the area of the bay there, m²: one entry per cell that counts.
+    pub areas: Vec<(Place, f64)>,
     /// The material's bulk density, if tonnes are wanted.
     pub density: Option<Density>,
 }
@@ -44,8 +43,8 @@ pub struct BayOnGrid {
 /// Why bays cannot be measured.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum BayError {
-    /// Two bays have the same name.
-    #[error("two bays are called {name:?}")]
+    /// Two bays have the same name, or one of several that of the whole hall.
+    #[error("two bays are called {name:?}, or a bay and the hall")]
     SameName {
         /// The name.
         name: String,
@@ -95,6 +94,10 @@ const SLIVER_M2: f64 = 1e-3;
 /// The first bay that does not fit, with the area in question.
 pub fn check_outlines(bays: &[Bay], bounds: &Rect) -> Result<(), BayError> {
     for (i, bay) in bays.iter().enumerate() {
+        // The hall's own total stands beside several bays.
+        if bays.len() > 1 && bay.name == WHOLE_REGION {
+            return Err(BayError::SameName { name: bay.name.clone() });
+        }
         let outside_m2 =
             part_of(bay.outline.bounds(), &[&bay.outline], &[&Polygon::from(*bounds)]).area_m2;
         if outside_m2 > SLIVER_M2 {
@@ -129,8 +132,8 @@ impl Bay {
                 areas.push((place, part.area_m2));
             }
         }
-        let base_errors = self.base.errors(&areas);
-        BayOnGrid { name: self.name.clone(), base, base_errors, density: self.density }
+        base.errors = self.base.errors(&areas);
+        BayOnGrid { name: self.name.clone(), base, areas, density: self.density }
     }
 
     /// Checks that something is left of the bay and that its base is known everywhere.
@@ -170,8 +173,7 @@ impl BayOnGrid {
         if let Some(density) = &self.density {
             budget.rows.push(density.budget_row(volume_m3, sigma_m3));
         }
-        let thickness_m: Vec<f64> =
-            std::iter::zip(surface_m, &base.cell_base_m).map(|(h, b)| h - b).collect();
+        let thickness_m = base.thickness_m(surface_m);
         VolumeAccount {
             name: self.name.clone(),
             estimate: VolumeEstimate {

@@ -281,7 +281,9 @@ impl SolveField {
             .map(|(bay, (adjoint, mut budget))| {
                 let prior = BudgetRow { source: BudgetSource::Prior, var_m6: adjoint.prior_var };
                 budget.rows.insert(0, prior);
-                budget.push_shared(BudgetSource::Base, &bay.base_errors);
+                if !bay.base.errors.is_empty() {
+                    budget.push_shared(BudgetSource::Base, &bay.base.errors);
+                }
                 bay.account(self.at, &mean_m, budget, &seen, range_m)
             })
             .collect();

@@ -1,7 +1,6 @@
 //! The face of the mapping: scans and poses in, surface and volumes out.
 
 use super::base::BaseSurface;
-use super::bay::{BayOnGrid, WHOLE_REGION};
 use super::field_map::{self, FieldMap, NewestField, Setup, SolveField};
 use super::footprint::{Footprint, PatchGatherer};
 use super::grid_map::{self, Bays, GridMap, SolveGrid};
@@ -76,7 +75,8 @@ impl Mapper {
     #[must_use]
     pub fn new(settings: Settings) -> Self {
         let geometry = settings.region.grid(settings.cell_m);
-        let bays: Bays = Arc::new(whole_and_bays(&settings, &geometry));
+        let hall_base = BaseSurface::level(settings.base_height_m);
+        let bays: Bays = Arc::new(settings.region.whole_and_bays_on(&geometry, &hall_base));
         let lowest_m = bays[0].base.lowest_m().unwrap_or(settings.base_height_m);
         let grid = GridMap::new(settings.grid, &settings.region, geometry, Arc::clone(&bays));
         let field = (settings.method == Method::MaternField)
@@ -244,24 +244,6 @@ impl Mapper {
 fn middle_of(scan: &Scan) -> Stamp<Mono> {
     scan.start
         .plus(Duration::from_nanos(scan.beams.last().map_or(0, |b| u64::from(b.offset_ns) / 2)))
-}
-
-/// The whole region, then its bays if it has more than one.
-fn whole_and_bays(settings: &Settings, geometry: &GridGeometry) -> Vec<BayOnGrid> {
-    let hall_base = BaseSurface::level(settings.base_height_m);
-    let mut bays = settings.region.bays_on(geometry, &hall_base);
-    if bays.len() > 1 {
-        let density = bays[0].density;
-        let whole = BayOnGrid {
-            name: WHOLE_REGION.to_owned(),
-            base: Base::total(bays.iter().map(|bay| &bay.base), geometry.n_cells()),
-            base_errors: bays.iter().flat_map(|bay| bay.base_errors.clone()).collect(),
-            // Tonnes add up only for one material.
-            density: density.filter(|_| bays.iter().all(|bay| bay.density == density)),
-        };
-        bays.insert(0, whole);
-    }
-    bays
 }
 
 fn field_setup(settings: &Settings, geometry: &GridGeometry, bays: &Bays) -> Arc<Setup> {

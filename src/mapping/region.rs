@@ -4,6 +4,7 @@ use super::base::BaseSurface;
 use super::bay::{Bay, BayError, BayOnGrid, WHOLE_REGION, check_outlines};
 use super::clip::{Part, part_of};
 use super::polygon::{Place, Polygon};
+use super::volume::Base;
 use crate::messages::GridGeometry;
 
 pub use super::rect::Rect;
@@ -134,6 +135,38 @@ impl Region {
             return vec![bay.on_grid(self, grid)];
         }
         self.bays.iter().map(|bay| bay.on_grid(self, grid)).collect()
+    }
+
+    /// The whole hall first, then its bays, if there are any: what volumes are stated of.
+    ///
+    /// Bays over the same base share its errors, so they add up in the hall's.
+    #[must_use]
+    pub fn whole_and_bays_on(
+        &self,
+        grid: &GridGeometry,
+        hall_base: &BaseSurface,
+    ) -> Vec<BayOnGrid> {
+        let mut bays = self.bays_on(grid, hall_base);
+        if self.bays.len() <= 1 && bays[0].name == WHOLE_REGION {
+            return bays;
+        }
+        let mut base = Base::total(bays.iter().map(|bay| &bay.base), grid.n_cells());
+        let surfaces: Vec<&BaseSurface> = self.bays.iter().map(|bay| &bay.base).collect();
+        for (index, surface) in surfaces.iter().enumerate() {
+            if surfaces[..index].contains(surface) {
+                continue;
+            }
+            let on_it = std::iter::zip(&surfaces, &bays).filter(|(other, _)| other == &surface);
+            let areas: Vec<(Place, f64)> =
+                on_it.flat_map(|(_, bay)| bay.areas.iter().copied()).collect();
+            base.errors.extend(surface.errors(&areas));
+        }
+        // Tonnes add up without further ado for one material only.
+        let density =
+            bays[0].density.filter(|_| bays.iter().all(|bay| bay.density == bays[0].density));
+        let areas = bays.iter().flat_map(|bay| bay.areas.iter().copied()).collect();
+        bays.insert(0, BayOnGrid { name: WHOLE_REGION.to_owned(), base, areas, density });
+        bays
     }
 
     /// Checks that the bays lie in the region and do not overlap, that something is left of each,

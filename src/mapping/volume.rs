@@ -1,5 +1,7 @@
 //! From a surface to a volume.
 
+use super::base::BaseError;
+
 /// What the surface is measured against, and which part of each cell counts.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Base {
@@ -7,17 +9,21 @@ pub struct Base {
     pub cell_areas_m2: Vec<f64>,
     /// Mean height of the base under the part of each cell that counts, m; 0 where none does.
     pub cell_base_m: Vec<f64>,
+    /// The constant errors of the volume by the base: what
+    /// [`push_shared`](crate::messages::VolumeBudget::push_shared) takes.
+    pub errors: Vec<BaseError>,
 }
 
 impl Base {
-    /// The same base height under every cell, m.
+    /// The same base height under every cell, m, known exactly.
     #[must_use]
     pub fn level(height_m: f64, cell_areas_m2: Vec<f64>) -> Self {
         let cell_base_m = vec![height_m; cell_areas_m2.len()];
-        Self { cell_areas_m2, cell_base_m }
+        Self { cell_areas_m2, cell_base_m, errors: Vec::new() }
     }
 
-    /// All bays together: areas added, heights averaged by area.
+    /// All bays together: areas added, heights averaged by area. Errors are left out, for bays
+    /// may share them; see [`Region::whole_and_bays_on`](super::region::Region::whole_and_bays_on).
     #[must_use]
     pub fn total<'a>(bays: impl IntoIterator<Item = &'a Self>, n_cells: usize) -> Self {
         let mut total = Self::level(0.0, vec![0.0; n_cells]);
@@ -44,6 +50,12 @@ impl Base {
             .filter(|((area_m2, _), _)| **area_m2 > 0.0)
             .map(|((area_m2, base_m), height_m)| area_m2 * (height_m - base_m))
             .sum()
+    }
+
+    /// Height of the surface over the base in every cell, m; negative below it.
+    #[must_use]
+    pub fn thickness_m(&self, surface_m: &[f64]) -> Vec<f64> {
+        std::iter::zip(surface_m, &self.cell_base_m).map(|(height, base)| height - base).collect()
     }
 
     /// The area that counts, m².
@@ -90,8 +102,10 @@ mod tests {
 
     #[test]
     fn bays_together_have_the_sum_of_their_volumes() {
-        let left = Base { cell_areas_m2: vec![0.25, 0.1, 0.0], cell_base_m: vec![1.0, 0.5, 0.0] };
-        let right = Base { cell_areas_m2: vec![0.0, 0.15, 0.2], cell_base_m: vec![0.0, -1.0, 2.0] };
+        let left =
+            Base { cell_base_m: vec![1.0, 0.5, 0.0], ..Base::level(0.0, vec![0.25, 0.1, 0.0]) };
+        let right =
+            Base { cell_base_m: vec![0.0, -1.0, 2.0], ..Base::level(0.0, vec![0.0, 0.15, 0.2]) };
         let total = Base::total([&left, &right], 3);
         let surface = [2.0, 0.25, 1.5];
         let sum = left.volume_m3(&surface) + right.volume_m3(&surface);

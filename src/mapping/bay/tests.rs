@@ -43,7 +43,7 @@ fn a_prism_over_a_level_has_its_area_times_its_height() {
     assert!((on_grid.base.area_m2() - L_AREA_M2).abs() < 1e-12);
     let volume_m3 = on_grid.base.volume_m3(&vec![1.5; grid.n_cells()]);
     assert!((volume_m3 - 1.25 * L_AREA_M2).abs() < 1e-12);
-    let [(dv_dc, sigma)] = on_grid.base_errors[..] else { unreachable!("one error: the level") };
+    let [(dv_dc, sigma)] = on_grid.base.errors[..] else { unreachable!("one error: the level") };
     assert!((dv_dc + L_AREA_M2).abs() < 1e-12 && (sigma - 0.02).abs() < 1e-15);
 }
 
@@ -58,7 +58,7 @@ fn a_level_surface_over_a_tilted_plane_is_exact() {
     let expected = 1.6 * L_AREA_M2 - 0.05 * moment.0 + 0.08 * moment.1;
     assert!((volume_m3 - expected).abs() < 1e-11, "{volume_m3} {expected}");
     let errors = [(-L_AREA_M2, 0.01), (-moment.0, 0.002), (-moment.1, 0.002)];
-    for (ours, by_hand) in on_grid.base_errors.iter().zip(errors) {
+    for (ours, by_hand) in on_grid.base.errors.iter().zip(errors) {
         assert!((ours.0 - by_hand.0).abs() < 1e-11 && (ours.1 - by_hand.1).abs() < 1e-15);
     }
 }
@@ -77,7 +77,7 @@ fn a_heap_as_a_triangulated_base_has_the_volume_of_its_pyramid() {
     // A box of 24 m³ without a pyramid of 8 m³. Folds inside a cell cost less than its square.
     assert!((volume_m3 - 16.0).abs() < 16.0 * 0.05_f64.powi(2), "{volume_m3}");
     // The tip carries a third of every triangle, so of the whole; a corner a third of two.
-    let [_, corner, .., tip] = on_grid.base_errors[..] else { unreachable!("six errors") };
+    let [_, corner, .., tip] = on_grid.base.errors[..] else { unreachable!("six errors") };
     assert!((tip.0 + 16.0 / 3.0).abs() < 0.02, "{tip:?}");
     assert!((corner.0 + 8.0 / 3.0).abs() < 0.02, "{corner:?}");
 }
@@ -99,7 +99,7 @@ fn an_unchanged_surface_over_its_own_survey_holds_nothing() {
     let on_grid = &region.bays_on(&grid, &BaseSurface::level(0.0))[0];
     assert!(on_grid.base.volume_m3(&mean_m).abs() < 1e-12);
     let squares: f64 = on_grid.base.cell_areas_m2.iter().map(|w| (w * 0.03).powi(2)).sum();
-    let cells = on_grid.base_errors[1];
+    let cells = on_grid.base.errors[1];
     assert!((cells.0 * cells.1 + squares.sqrt()).abs() < 1e-12);
 }
 
@@ -117,7 +117,7 @@ fn base_errors_match_moved_bases() {
         let region = region(vec![bay("A", &L, base)]);
         let grid = region.grid(0.31);
         let on_grid = region.bays_on(&grid, &BaseSurface::level(0.0)).remove(0);
-        (on_grid.base.volume_m3(&vec![1.0; grid.n_cells()]), on_grid.base_errors)
+        (on_grid.base.volume_m3(&vec![1.0; grid.n_cells()]), on_grid.base.errors)
     };
     let triangles = |shift| {
         volume_of(BaseSurface::Triangulated(
@@ -188,6 +188,31 @@ fn bays_that_do_not_fit_are_refused_with_the_area() {
     let survey = SurveyedBase::new(small, vec![0.0; n], vec![0.0; n], 0.0).expect("a base");
     let error = check(vec![bay("A", &left, BaseSurface::Survey(survey))]).unwrap_err();
     assert!(matches!(error, BayError::BaseMissing { x_m, .. } if x_m > 1.0), "{error}");
+}
+
+#[test]
+fn the_hall_is_the_sum_of_its_bays_and_a_common_base_moves_all_of_it() {
+    let left: [Place; 4] = [(-2.0, 1.0), (1.0, 1.0), (1.0, 7.0), (-2.0, 7.0)];
+    let middle: [Place; 4] = [(1.0, 1.0), (4.0, 1.0), (4.0, 7.0), (1.0, 7.0)];
+    let right: [Place; 4] = [(4.0, 1.0), (8.0, 1.0), (8.0, 7.0), (4.0, 7.0)];
+    let floor = BaseSurface::Level { height_m: 0.1, sigma_m: 0.02 };
+    let region = region(vec![
+        bay("A", &left, floor.clone()),
+        bay("B", &middle, BaseSurface::Plane(plane())),
+        bay("C", &right, floor),
+    ]);
+    let grid = region.grid(0.25);
+    let bases = region.whole_and_bays_on(&grid, &BaseSurface::level(0.0));
+    let names: Vec<&str> = bases.iter().map(|bay| bay.name.as_str()).collect();
+    assert_eq!(names, [WHOLE_REGION, "A", "B", "C"]);
+    let surface_m = vec![1.3; grid.n_cells()];
+    let volumes: Vec<f64> = bases.iter().map(|bay| bay.base.volume_m3(&surface_m)).collect();
+    assert!((volumes[0] - volumes[1..].iter().sum::<f64>()).abs() < 1e-10);
+    // A and C, 18 and 24 m², stand on one floor with one error; B has three of its own.
+    let errors = &bases[0].base.errors;
+    assert_eq!(errors.len(), 4);
+    assert!((errors[0].0 + 42.0).abs() < 1e-10 && (errors[0].1 - 0.02).abs() < 1e-15);
+    assert_eq!(errors[1..], bases[2].base.errors[..]);
 }
 
 #[test]

@@ -54,7 +54,7 @@ fn map() -> FieldMap {
         bays: Arc::new(vec![BayOnGrid {
             name: "hall".to_owned(),
             base: Base::level(0.0, areas),
-            base_errors: Vec::new(),
+            areas: Vec::new(),
             density: None,
         }]),
     }))
