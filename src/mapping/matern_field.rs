@@ -10,6 +10,7 @@
 mod information;
 mod iterative;
 mod lattice;
+mod multigrid;
 mod prior;
 mod solution;
 mod stencil;

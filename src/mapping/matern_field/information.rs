@@ -123,6 +123,12 @@ impl Information {
         }
     }
 
+    /// Entries of W towards the node itself, E, NW, N, NE.
+    pub(super) fn entries(&self, node: usize) -> super::multigrid::Ahead {
+        let node = &self.nodes[node];
+        [node.here, node.east, node.north_west, node.north, node.north_east]
+    }
+
     /// Σ a (z − mean)/R at the nodes, 1/m.
     pub(super) fn innovations(&self, mean_m: f64) -> Vec<f64> {
         self.nodes.iter().map(|node| node.heights - mean_m * node.total).collect()

@@ -3,6 +3,7 @@
 use super::information::Information;
 use super::iterative::{Stop, conjugate_gradients, dot};
 use super::lattice::Lattice;
+use super::multigrid::{Multigrid, Work};
 use super::prior::{Operator, Prior};
 use super::stencil::{HERE, Stencil};
 use super::{FieldError, Solver};
@@ -62,9 +63,40 @@ enum Method {
         level: Option<LevelResponse>,
     },
     Iterative {
-        inverse_diagonal: Vec<f64>,
+        preconditioner: Preconditioner,
         stop: Stop,
     },
+}
+
+#[derive(Debug)]
+enum Preconditioner {
+    /// The diagonal's inverse.
+    Jacobi(Vec<f64>),
+    Multigrid(Multigrid),
+}
+
+impl Preconditioner {
+    /// What [`Self::apply`] needs beside itself.
+    fn work(&self) -> Option<Work> {
+        match self {
+            Self::Jacobi(_) => None,
+            Self::Multigrid(multigrid) => Some(multigrid.work()),
+        }
+    }
+
+    fn apply(&self, work: &mut Option<Work>, r: &[f64], z: &mut [f64]) {
+        match self {
+            Self::Jacobi(inverse_diagonal) => {
+                for (z, (r, d)) in z.iter_mut().zip(r.iter().zip(inverse_diagonal)) {
+                    *z = r * d;
+                }
+            }
+            Self::Multigrid(multigrid) => {
+                let work = work.get_or_insert_with(|| multigrid.work());
+                multigrid.apply(work, r, z);
+            }
+        }
+    }
 }
 
 /// v = Q⁻¹ g, s = 1/σ_β² + gᵀ(1 − v).
@@ -87,7 +119,11 @@ impl System {
         let level = (prior.mean_sigma_m > 0.0).then(|| Level::new(lattice, &operator, prior));
         let method = match solver.choose(lattice, information) {
             Solver::Iterative { residual_ratio } => Method::Iterative {
-                inverse_diagonal: q.parts[HERE].iter().map(|d| 1.0 / d).collect(),
+                preconditioner: if information.seen_share() > 0.98 {
+                    Preconditioner::Jacobi(q.parts[HERE].iter().map(|d| 1.0 / d).collect())
+                } else {
+                    Preconditioner::Multigrid(Multigrid::new(lattice, &operator, information))
+                },
                 stop: Stop { residual_ratio, n_steps: 20_000 },
             },
             Solver::Direct | Solver::Automatic => {
@@ -119,13 +155,10 @@ impl System {
                 }
                 Ok((x, 1))
             }
-            Method::Iterative { inverse_diagonal, stop } => {
+            Method::Iterative { preconditioner, stop } => {
                 let start = start.map_or_else(|| vec![0.0; b.len()], <[f64]>::to_vec);
-                let precondition = |r: &[f64], z: &mut [f64]| {
-                    for (z, (r, d)) in z.iter_mut().zip(r.iter().zip(inverse_diagonal)) {
-                        *z = r * d;
-                    }
-                };
+                let mut work = preconditioner.work();
+                let precondition = |r: &[f64], z: &mut [f64]| preconditioner.apply(&mut work, r, z);
                 let apply = |x: &[f64], y: &mut [f64]| self.apply(x, y);
                 let done = conjugate_gradients(apply, precondition, b, start, *stop)?;
                 Ok((done.x, done.n_steps))
