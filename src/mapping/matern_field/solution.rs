@@ -3,9 +3,9 @@
 use super::information::Information;
 use super::iterative::{Stop, conjugate_gradients, dot};
 use super::lattice::Lattice;
-use super::multigrid::{Multigrid, Work};
+use super::multigrid::Multigrid;
 use super::prior::{Operator, Prior};
-use super::stencil::{HERE, Stencil};
+use super::stencil::Stencil;
 use super::{FieldError, Solver};
 use crate::mapping::sparse_cholesky::Factor;
 use crate::stats::Noise;
@@ -63,40 +63,9 @@ enum Method {
         level: Option<LevelResponse>,
     },
     Iterative {
-        preconditioner: Preconditioner,
+        multigrid: Multigrid,
         stop: Stop,
     },
-}
-
-#[derive(Debug)]
-enum Preconditioner {
-    /// The diagonal's inverse.
-    Jacobi(Vec<f64>),
-    Multigrid(Multigrid),
-}
-
-impl Preconditioner {
-    /// What [`Self::apply`] needs beside itself.
-    fn work(&self) -> Option<Work> {
-        match self {
-            Self::Jacobi(_) => None,
-            Self::Multigrid(multigrid) => Some(multigrid.work()),
-        }
-    }
-
-    fn apply(&self, work: &mut Option<Work>, r: &[f64], z: &mut [f64]) {
-        match self {
-            Self::Jacobi(inverse_diagonal) => {
-                for (z, (r, d)) in z.iter_mut().zip(r.iter().zip(inverse_diagonal)) {
-                    *z = r * d;
-                }
-            }
-            Self::Multigrid(multigrid) => {
-                let work = work.get_or_insert_with(|| multigrid.work());
-                multigrid.apply(work, r, z);
-            }
-        }
-    }
 }
 
 /// v = Q⁻¹ g, s = 1/σ_β² + gᵀ(1 − v).
@@ -117,14 +86,10 @@ impl System {
         let mut q = operator.stencil(lattice);
         information.add_to(&mut q);
         let level = (prior.mean_sigma_m > 0.0).then(|| Level::new(lattice, &operator, prior));
-        let method = match solver.choose(lattice, information) {
+        let method = match solver.choose(lattice) {
             Solver::Iterative { residual_ratio } => Method::Iterative {
-                preconditioner: if information.seen_share() > 0.98 {
-                    Preconditioner::Jacobi(q.parts[HERE].iter().map(|d| 1.0 / d).collect())
-                } else {
-                    Preconditioner::Multigrid(Multigrid::new(lattice, &operator, information))
-                },
-                stop: Stop { residual_ratio, n_steps: 20_000 },
+                multigrid: Multigrid::new(lattice, &operator, information),
+                stop: Stop { residual_ratio, n_steps: 500 },
             },
             Solver::Direct | Solver::Automatic => {
                 let factor = lattice.analysis()?.factorize(&q.lower_values())?;
@@ -155,10 +120,10 @@ impl System {
                 }
                 Ok((x, 1))
             }
-            Method::Iterative { preconditioner, stop } => {
+            Method::Iterative { multigrid, stop } => {
                 let start = start.map_or_else(|| vec![0.0; b.len()], <[f64]>::to_vec);
-                let mut work = preconditioner.work();
-                let precondition = |r: &[f64], z: &mut [f64]| preconditioner.apply(&mut work, r, z);
+                let mut work = multigrid.work();
+                let precondition = |r: &[f64], z: &mut [f64]| multigrid.apply(&mut work, r, z);
                 let apply = |x: &[f64], y: &mut [f64]| self.apply(x, y);
                 let done = conjugate_gradients(apply, precondition, b, start, *stop)?;
                 Ok((done.x, done.n_steps))
@@ -289,18 +254,39 @@ impl Solution {
         Some(draw)
     }
 
-    /// Variance of the height at every node, m²: the diagonal of Σ*, exact.
+    /// Variance of the height at every node, m²: the diagonal of Σ*, exact. An iterative solution
+    /// has to find its factor first.
     ///
     /// # Errors
     /// The factor that it needs does not fit into memory.
     pub fn marginal_var_m2(&self) -> Result<Vec<f64>, FieldError> {
-        let Method::Direct { factor, level } = &self.system.method else {
-            return Err(FieldError::NoFactor);
-        };
-        let mut var_m2 = factor.inverse_diagonal();
-        if let Some(LevelResponse { v, s }) = level {
-            var_m2.iter_mut().zip(v).for_each(|(var, v)| *var += v * v / s);
+        if let Method::Direct { factor, level } = &self.system.method {
+            return Ok(diagonal_of_inverse(factor, level.as_ref()));
         }
-        Ok(var_m2)
+        let system = &self.system;
+        let factor = self.lattice.analysis()?.factorize(&system.q.lower_values())?;
+        let level = system.level.as_ref().map(|level| level.response(&factor)).transpose()?;
+        Ok(diagonal_of_inverse(&factor, level.as_ref()))
     }
+
+    /// ln det Q of the joint precision of field and level, over the level's own prior precision:
+    /// ln det Q + ln(s σ_β²). None for an iterative solution.
+    pub(super) fn log_det(&self) -> Option<f64> {
+        let Method::Direct { factor, level } = &self.system.method else { return None };
+        // A level without a prior adds a constant only.
+        let own = level.as_ref().map_or(0.0, |LevelResponse { s, .. }| {
+            let var_m2 = self.prior.mean_sigma_m.powi(2);
+            if var_m2.is_finite() { (s * var_m2).ln() } else { s.ln() }
+        });
+        Some(factor.log_det() + own)
+    }
+}
+
+/// The diagonal of Q⁻¹ + v vᵀ/s.
+fn diagonal_of_inverse(factor: &Factor, level: Option<&LevelResponse>) -> Vec<f64> {
+    let mut var_m2 = factor.inverse_diagonal();
+    if let Some(LevelResponse { v, s }) = level {
+        var_m2.iter_mut().zip(v).for_each(|(var, v)| *var += v * v / s);
+    }
+    var_m2
 }
