@@ -6,6 +6,9 @@
 //!
 //! Not done here: from beam to height and variance (`projection`), error sources that beams share
 //! (the budget, which needs [`Solution::adjoint`]), bays and volumes.
+//!
+
+#![doc = include_str!("matern_field/derivation.md")]
 
 mod estimate;
 mod information;
