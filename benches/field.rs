@@ -15,7 +15,7 @@ use stockpilot::stats::SeedBook;
 
 const CELL_M: f64 = 0.25;
 const PRIOR: Prior = Prior { range_m: 4.0, sigma_m: 0.8, mean_m: 1.5, mean_sigma_m: 2.0 };
-const ITERATIVE: Solver = Solver::Iterative { residual_ratio: 1e-6 };
+const ITERATIVE: Solver = Solver::LIVE;
 
 fn lattice(n: usize) -> Arc<Lattice> {
     let grid = GridGeometry { x_min_m: 0.0, y_min_m: 0.0, cell_m: CELL_M, n_cols: n, n_rows: n };
@@ -103,7 +103,7 @@ fn solves(c: &mut Criterion) {
             let before = seen(&lattice, share - 0.02, 8);
             if n < 1000 {
                 // The first solve finds the pattern.
-                let _ = update(&lattice, &information, Solver::Direct, None, &w);
+                assert!(update(&lattice, &information, Solver::Direct, None, &w).1 > 0.0);
                 group.bench_function(BenchmarkId::new(format!("exact_{coverage}"), n), |b| {
                     b.iter(|| update(&lattice, &information, Solver::Direct, None, &w));
                 });

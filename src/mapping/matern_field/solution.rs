@@ -29,13 +29,13 @@ pub struct Adjoint {
     /// q = Σ* w, the covariance of the heights times w. A datum with row a, value z and variance R moves Σ w h
     /// by aᵀq/R for each metre that z moves.
     pub q: Vec<f64>,
-    /// The prior's share of the variance: qₓᵀ Q0 qₓ + q_β²/σ_β².
+    /// The prior's share of the variance: `qₓᵀ Q0 qₓ + q_β²/σ_β²`.
     pub prior_var: f64,
     /// The whole variance wᵀ q, data taken as independent.
     pub var: f64,
 }
 
-/// Q_h h = b, where Q_h is the precision of the whole height.
+/// `Q_h h = b`, where `Q_h` is the precision of the whole height.
 #[derive(Debug)]
 struct System {
     operator: Operator,
@@ -44,20 +44,20 @@ struct System {
     method: Method,
 }
 
-/// The unknown level β, integrated out: Q_h = Q − c g gᵀ.
+/// The unknown level β, integrated out: `Q_h = Q − c g gᵀ`.
 #[derive(Debug)]
 struct Level {
     /// g = Q0 1.
     g: Vec<f64>,
-    /// c = 1/(1/σ_β² + 1ᵀg).
+    /// `c = 1/(1/σ_β² + 1ᵀg)`.
     c: f64,
-    /// 1/σ_β², 1/m².
+    /// `1/σ_β²`, 1/m².
     prior_info: f64,
 }
 
 #[derive(Debug)]
 enum Method {
-    /// Q⁻¹ by its factor; Q_h⁻¹ = Q⁻¹ + v vᵀ/s.
+    /// Q⁻¹ by its factor; `Q_h⁻¹ = Q⁻¹ + v vᵀ/s`.
     Direct {
         factor: Factor,
         level: Option<LevelResponse>,
@@ -68,7 +68,7 @@ enum Method {
     },
 }
 
-/// v = Q⁻¹ g, s = 1/σ_β² + gᵀ(1 − v).
+/// v = Q⁻¹ g, `s = 1/σ_β² + gᵀ(1 − v)`.
 #[derive(Debug)]
 struct LevelResponse {
     v: Vec<f64>,
@@ -100,7 +100,7 @@ impl System {
         Ok(Self { operator, q, level, method })
     }
 
-    /// y = Q_h x.
+    /// `y = Q_h x`.
     fn apply(&self, x: &[f64], y: &mut [f64]) {
         self.q.apply(x, y);
         if let Some(Level { g, c, .. }) = &self.level {
@@ -109,7 +109,7 @@ impl System {
         }
     }
 
-    /// Q_h⁻¹ b, and how many steps it took.
+    /// `Q_h⁻¹ b`, and how many steps it took.
     fn solve(&self, b: &[f64], start: Option<&[f64]>) -> Result<(Vec<f64>, usize), FieldError> {
         match &self.method {
             Method::Direct { factor, level } => {
@@ -270,7 +270,7 @@ impl Solution {
     }
 
     /// ln det Q of the joint precision of field and level, over the level's own prior precision:
-    /// ln det Q + ln(s σ_β²). None for an iterative solution.
+    /// ln det Q + `ln(s σ_β²)`. None for an iterative solution.
     pub(super) fn log_det(&self) -> Option<f64> {
         let Method::Direct { factor, level } = &self.system.method else { return None };
         // A level without a prior adds a constant only.

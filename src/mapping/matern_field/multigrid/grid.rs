@@ -188,10 +188,9 @@ impl Grid {
         for row in 0..self.n_rows {
             let entries = self.rows::<FINEST>(row);
             let (here, north) = (&unknown[(row + 1) * n..][..n], &unknown[(row + 2) * n..][..n]);
-            for i in 1..n - 1 {
-                let mut r = [0.0; 2];
-                entries.take_ahead(&mut r, i, here, north);
-                residual[i] = r;
+            for (i, left) in residual.iter_mut().enumerate().take(n - 1).skip(1) {
+                *left = [0.0; 2];
+                entries.take_ahead(left, i, here, north);
             }
             for (coarse_row, share) in parents(row) {
                 if share == 0.0 {

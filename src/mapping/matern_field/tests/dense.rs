@@ -61,7 +61,7 @@ impl Dense {
         self.rows.push((*row, z, var_m2));
     }
 
-    /// M* = K_*X (K_XX + R)⁻¹ (z − mean), Σ* = K_** − K_*X (K_XX + R)⁻¹ K_X*.
+    /// `M* = K_*X (K_XX + R)⁻¹ (z − mean), Σ* = K_** − K_*X (K_XX + R)⁻¹ K_X*`.
     pub(super) fn posterior(&self) -> (DVector<f64>, DMatrix<f64>) {
         let (cross, k_xx, innovation) = self.observed();
         let inverse = k_xx.cholesky().expect("positive definite");
@@ -70,7 +70,7 @@ impl Dense {
         (mean, cov)
     }
 
-    /// ln det (K_XX + R) + (z − mean)ᵀ (K_XX + R)⁻¹ (z − mean).
+    /// `ln det (K_XX + R) + (z − mean)ᵀ (K_XX + R)⁻¹ (z − mean)`.
     pub(super) fn minus_two_log_likelihood(&self) -> f64 {
         let (_, k_xx, innovation) = self.observed();
         let factor = k_xx.cholesky().expect("positive definite");
@@ -78,7 +78,7 @@ impl Dense {
         log_det + innovation.dot(&factor.solve(&innovation))
     }
 
-    /// K_*X, K_XX + R, z − mean.
+    /// `K_*X`, `K_XX + R`, `z − mean`.
     fn observed(&self) -> (DMatrix<f64>, DMatrix<f64>, DVector<f64>) {
         let (n, n_rows) = (self.cov_m2.nrows(), self.rows.len());
         let mut a = DMatrix::zeros(n_rows, n);
