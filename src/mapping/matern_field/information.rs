@@ -123,16 +123,14 @@ impl Information {
         }
     }
 
+    /// Entries of W towards the node itself, E, NW, N, NE.
+    pub(super) fn entries(&self, node: usize) -> super::multigrid::Ahead {
+        let node = &self.nodes[node];
+        [node.here, node.east, node.north_west, node.north, node.north_east]
+    }
+
     /// Σ a (z − mean)/R at the nodes, 1/m.
     pub(super) fn innovations(&self, mean_m: f64) -> Vec<f64> {
         self.nodes.iter().map(|node| node.heights - mean_m * node.total).collect()
-    }
-
-    /// Share of the nodes that have data.
-    pub(super) fn seen_share(&self) -> f64 {
-        let n_seen = self.nodes.iter().filter(|node| node.total > 0.0).count();
-        #[expect(clippy::cast_precision_loss, reason = "node counts stay far below 2^53")]
-        let share = n_seen as f64 / self.nodes.len().max(1) as f64;
-        share
     }
 }

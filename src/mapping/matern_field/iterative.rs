@@ -27,7 +27,7 @@ pub(super) struct Converged {
 /// [`FieldError::NotConverged`] after `stop.n_steps`.
 pub(super) fn conjugate_gradients(
     apply: impl Fn(&[f64], &mut [f64]),
-    precondition: impl Fn(&[f64], &mut [f64]),
+    mut precondition: impl FnMut(&[f64], &mut [f64]),
     b: &[f64],
     start: Vec<f64>,
     stop: Stop,
@@ -36,12 +36,23 @@ pub(super) fn conjugate_gradients(
     let mut x = start;
     let (mut z, mut q_p) = (vec![0.0; n], vec![0.0; n]);
     precondition(b, &mut z);
-    let bound = dot(b, &z) * stop.residual_ratio * stop.residual_ratio;
-    apply(&x, &mut q_p);
-    let mut r: Vec<f64> = std::iter::zip(b, &q_p).map(|(b, q)| b - q).collect();
-    precondition(&r, &mut z);
+    let from_zero = dot(b, &z);
+    let bound = from_zero * stop.residual_ratio * stop.residual_ratio;
+    let (mut r, mut r_z) = (b.to_vec(), from_zero);
     let mut p = z.clone();
-    let mut r_z = dot(&r, &z);
+    if x.iter().any(|x| *x != 0.0) {
+        apply(&x, &mut q_p);
+        r.iter_mut().zip(&q_p).for_each(|(r, q)| *r -= q);
+        precondition(&r, &mut z);
+        r_z = dot(&r, &z);
+        if r_z < from_zero {
+            p.clone_from(&z);
+        } else {
+            // A start that is worse than none.
+            x.fill(0.0);
+            (r, z, r_z) = (b.to_vec(), p.clone(), from_zero);
+        }
+    }
     for n_steps in 0..=stop.n_steps {
         if r_z <= bound {
             return Ok(Converged { x, n_steps });

@@ -177,7 +177,7 @@ mod tests {
     fn elliptic_integral_matches_published_values() {
         // Abramowitz and Stegun 1964, table 17.1: m = k² = 0, 0.5, 0.9.
         for (m, published) in
-            [(0.0, 1.570_796_326_8), (0.5, 1.350_643_881_0), (0.9, 1.104_774_732_7)]
+            [(0.0, std::f64::consts::FRAC_PI_2), (0.5, 1.350_643_881_0), (0.9, 1.104_774_732_7)]
         {
             let m: f64 = m;
             assert!((complete_elliptic_e(m.sqrt()) - published).abs() < 1e-9, "m = {m}");

@@ -3,8 +3,9 @@
 use super::information::Information;
 use super::iterative::{Stop, conjugate_gradients, dot};
 use super::lattice::Lattice;
+use super::multigrid::Multigrid;
 use super::prior::{Operator, Prior};
-use super::stencil::{HERE, Stencil};
+use super::stencil::Stencil;
 use super::{FieldError, Solver};
 use crate::mapping::sparse_cholesky::Factor;
 use crate::stats::Noise;
@@ -28,13 +29,13 @@ pub struct Adjoint {
     /// q = Σ* w, the covariance of the heights times w. A datum with row a, value z and variance R moves Σ w h
     /// by aᵀq/R for each metre that z moves.
     pub q: Vec<f64>,
-    /// The prior's share of the variance: qₓᵀ Q0 qₓ + q_β²/σ_β².
+    /// The prior's share of the variance: `qₓᵀ Q0 qₓ + q_β²/σ_β²`.
     pub prior_var: f64,
     /// The whole variance wᵀ q, data taken as independent.
     pub var: f64,
 }
 
-/// Q_h h = b, where Q_h is the precision of the whole height.
+/// `Q_h h = b`, where `Q_h` is the precision of the whole height.
 #[derive(Debug)]
 struct System {
     operator: Operator,
@@ -43,31 +44,31 @@ struct System {
     method: Method,
 }
 
-/// The unknown level β, integrated out: Q_h = Q − c g gᵀ.
+/// The unknown level β, integrated out: `Q_h = Q − c g gᵀ`.
 #[derive(Debug)]
 struct Level {
     /// g = Q0 1.
     g: Vec<f64>,
-    /// c = 1/(1/σ_β² + 1ᵀg).
+    /// `c = 1/(1/σ_β² + 1ᵀg)`.
     c: f64,
-    /// 1/σ_β², 1/m².
+    /// `1/σ_β²`, 1/m².
     prior_info: f64,
 }
 
 #[derive(Debug)]
 enum Method {
-    /// Q⁻¹ by its factor; Q_h⁻¹ = Q⁻¹ + v vᵀ/s.
+    /// Q⁻¹ by its factor; `Q_h⁻¹ = Q⁻¹ + v vᵀ/s`.
     Direct {
         factor: Factor,
         level: Option<LevelResponse>,
     },
     Iterative {
-        inverse_diagonal: Vec<f64>,
+        multigrid: Multigrid,
         stop: Stop,
     },
 }
 
-/// v = Q⁻¹ g, s = 1/σ_β² + gᵀ(1 − v).
+/// v = Q⁻¹ g, `s = 1/σ_β² + gᵀ(1 − v)`.
 #[derive(Debug)]
 struct LevelResponse {
     v: Vec<f64>,
@@ -85,10 +86,10 @@ impl System {
         let mut q = operator.stencil(lattice);
         information.add_to(&mut q);
         let level = (prior.mean_sigma_m > 0.0).then(|| Level::new(lattice, &operator, prior));
-        let method = match solver.choose(lattice, information) {
+        let method = match solver.choose(lattice) {
             Solver::Iterative { residual_ratio } => Method::Iterative {
-                inverse_diagonal: q.parts[HERE].iter().map(|d| 1.0 / d).collect(),
-                stop: Stop { residual_ratio, n_steps: 20_000 },
+                multigrid: Multigrid::new(lattice, &operator, information),
+                stop: Stop { residual_ratio, n_steps: 500 },
             },
             Solver::Direct | Solver::Automatic => {
                 let factor = lattice.analysis()?.factorize(&q.lower_values())?;
@@ -99,7 +100,7 @@ impl System {
         Ok(Self { operator, q, level, method })
     }
 
-    /// y = Q_h x.
+    /// `y = Q_h x`.
     fn apply(&self, x: &[f64], y: &mut [f64]) {
         self.q.apply(x, y);
         if let Some(Level { g, c, .. }) = &self.level {
@@ -108,7 +109,7 @@ impl System {
         }
     }
 
-    /// Q_h⁻¹ b, and how many steps it took.
+    /// `Q_h⁻¹ b`, and how many steps it took.
     fn solve(&self, b: &[f64], start: Option<&[f64]>) -> Result<(Vec<f64>, usize), FieldError> {
         match &self.method {
             Method::Direct { factor, level } => {
@@ -119,13 +120,10 @@ impl System {
                 }
                 Ok((x, 1))
             }
-            Method::Iterative { inverse_diagonal, stop } => {
+            Method::Iterative { multigrid, stop } => {
                 let start = start.map_or_else(|| vec![0.0; b.len()], <[f64]>::to_vec);
-                let precondition = |r: &[f64], z: &mut [f64]| {
-                    for (z, (r, d)) in z.iter_mut().zip(r.iter().zip(inverse_diagonal)) {
-                        *z = r * d;
-                    }
-                };
+                let mut work = multigrid.work();
+                let precondition = |r: &[f64], z: &mut [f64]| multigrid.apply(&mut work, r, z);
                 let apply = |x: &[f64], y: &mut [f64]| self.apply(x, y);
                 let done = conjugate_gradients(apply, precondition, b, start, *stop)?;
                 Ok((done.x, done.n_steps))
@@ -256,18 +254,39 @@ impl Solution {
         Some(draw)
     }
 
-    /// Variance of the height at every node, m²: the diagonal of Σ*, exact.
+    /// Variance of the height at every node, m²: the diagonal of Σ*, exact. An iterative solution
+    /// has to find its factor first.
     ///
     /// # Errors
     /// The factor that it needs does not fit into memory.
     pub fn marginal_var_m2(&self) -> Result<Vec<f64>, FieldError> {
-        let Method::Direct { factor, level } = &self.system.method else {
-            return Err(FieldError::NoFactor);
-        };
-        let mut var_m2 = factor.inverse_diagonal();
-        if let Some(LevelResponse { v, s }) = level {
-            var_m2.iter_mut().zip(v).for_each(|(var, v)| *var += v * v / s);
+        if let Method::Direct { factor, level } = &self.system.method {
+            return Ok(diagonal_of_inverse(factor, level.as_ref()));
         }
-        Ok(var_m2)
+        let system = &self.system;
+        let factor = self.lattice.analysis()?.factorize(&system.q.lower_values())?;
+        let level = system.level.as_ref().map(|level| level.response(&factor)).transpose()?;
+        Ok(diagonal_of_inverse(&factor, level.as_ref()))
     }
+
+    /// ln det Q of the joint precision of field and level, over the level's own prior precision:
+    /// ln det Q + `ln(s σ_β²)`. None for an iterative solution.
+    pub(super) fn log_det(&self) -> Option<f64> {
+        let Method::Direct { factor, level } = &self.system.method else { return None };
+        // A level without a prior adds a constant only.
+        let own = level.as_ref().map_or(0.0, |LevelResponse { s, .. }| {
+            let var_m2 = self.prior.mean_sigma_m.powi(2);
+            if var_m2.is_finite() { (s * var_m2).ln() } else { s.ln() }
+        });
+        Some(factor.log_det() + own)
+    }
+}
+
+/// The diagonal of Q⁻¹ + v vᵀ/s.
+fn diagonal_of_inverse(factor: &Factor, level: Option<&LevelResponse>) -> Vec<f64> {
+    let mut var_m2 = factor.inverse_diagonal();
+    if let Some(LevelResponse { v, s }) = level {
+        var_m2.iter_mut().zip(v).for_each(|(var, v)| *var += v * v / s);
+    }
+    var_m2
 }

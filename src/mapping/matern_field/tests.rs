@@ -274,3 +274,86 @@ fn what_is_not_sound_is_refused() {
     // A single hit and no other knowledge of the level: everything is expected at its height.
     assert!(solution.height_m().iter().all(|h| (h - 4.0).abs() < 1e-6));
 }
+
+#[test]
+fn multigrid_needs_no_more_steps_on_larger_maps() {
+    for (n, range_m) in [(30, 2.0), (60, 2.0), (60, 9.0)] {
+        let prior = Prior { range_m, mean_sigma_m: 2.0, ..PRIOR };
+        let grid = square_grid(n, 0.25);
+        let lattice = Arc::new(Lattice::covering(&grid, 1.0, open));
+        let mut information = Information::new(&lattice);
+        for (place, z, var_m2) in hits(&grid, 6 * n * n, 21) {
+            // Half of the map.
+            if place.0 < grid.x_min_m + grid.max_corner_m().0 - place.0 {
+                let row = lattice.row_at(place.0, place.1).expect("on the lattice");
+                information.add(&row, z, 1.0 / var_m2);
+            }
+        }
+        let solver = Solver::Iterative { residual_ratio: 1e-6 };
+        let solution = solve(&lattice, &prior, &information, solver, None).expect("solved");
+        assert!(solution.n_steps() <= 24, "{n}²: {} steps", solution.n_steps());
+        let start = Some(solution.height_m());
+        let again = solve(&lattice, &prior, &information, solver, start).expect("solved");
+        assert!(again.n_steps() <= 1, "the start is not used: {}", again.n_steps());
+    }
+}
+
+#[test]
+fn hyper_parameters_of_drawn_fields_are_found() {
+    let truth = Prior { range_m: 2.0, sigma_m: 0.7, mean_m: 1.0, mean_sigma_m: 1.0 };
+    let (nugget_m, white_m): (f64, f64) = (0.06, 0.02);
+    let grid = square_grid(32, 0.25);
+    let lattice = Arc::new(Lattice::covering(&grid, 0.75, open));
+    let empty = Information::new(&lattice);
+    let prior = solve(&lattice, &truth, &empty, Solver::Direct, None).expect("solved");
+    let mut noise = SeedBook::new(17).stream("hyper-parameters");
+    let n_fields = 4_u32;
+    let mut logs = Vec::new();
+    for field in 0..n_fields {
+        let height_m = prior.sample_m(&mut noise).expect("has a factor");
+        let sigma_m = nugget_m.hypot(white_m);
+        let data: Vec<Datum> = hits(&grid, 1200, u64::from(field))
+            .into_iter()
+            .map(|((x_m, y_m), _, _)| {
+                let row = lattice.row_at(x_m, y_m).expect("on the lattice");
+                let height_m = row.value(&height_m) + sigma_m * noise.normal();
+                Datum { row, height_m, white_var_m2: white_m * white_m }
+            })
+            .collect();
+        let start = Prior { range_m: 4.0, sigma_m: 1.5, ..truth };
+        let found = estimate_prior(&lattice, &data, &start, 0.02).expect("estimated");
+        logs.push([
+            (found.range_m / truth.range_m).ln(),
+            (found.sigma_m / truth.sigma_m).ln(),
+            (found.nugget_m / nugget_m).ln(),
+        ]);
+    }
+    // Fields of four ranges by four fix ρ and σ to about 15 %, the nugget to 3 %; three standard
+    // errors of the mean of four.
+    for (axis, bound) in [(0, 0.25), (1, 0.25), (2, 0.06)] {
+        let mean = logs.iter().map(|log| log[axis]).sum::<f64>() / f64::from(n_fields);
+        assert!(mean.abs() < bound, "parameter {axis}: {logs:?}");
+    }
+}
+
+#[test]
+fn marginal_likelihood_matches_the_dense_one() {
+    let grid = square_grid(7, 0.4);
+    let lattice = Arc::new(Lattice::covering(&grid, 0.4, open));
+    let value = |prior: &Prior, nugget_m: f64| {
+        let mut dense = Dense::new(&grid, 1, prior, open);
+        let mut data = Vec::new();
+        for ((x_m, y_m), height_m, white_var_m2) in hits(&grid, 40, 6) {
+            let row = lattice.row_at(x_m, y_m).expect("on the lattice");
+            dense.observe(&row, height_m, white_var_m2 + nugget_m * nugget_m);
+            data.push(Datum { row, height_m, white_var_m2 });
+        }
+        let ours = estimate::minus_two_log_likelihood(&lattice, &data, prior, nugget_m);
+        (ours.expect("evaluated"), dense.minus_two_log_likelihood())
+    };
+    let prior = Prior { mean_sigma_m: 1.2, ..PRIOR };
+    for (range_m, sigma_m, nugget_m) in [(2.0, 0.8, 0.1), (1.3, 0.4, 0.03), (2.9, 1.7, 0.3)] {
+        let (ours, dense) = value(&Prior { range_m, sigma_m, ..prior }, nugget_m);
+        assert!((ours - dense).abs() < 1e-6 * dense.abs().max(1.0), "{ours}, not {dense}");
+    }
+}

@@ -1,11 +1,11 @@
 //! The entries of the inverse on the factor's pattern, block by block.
 //!
-//! For a block of columns J whose rows below are B, with Y = L_BJ L_JJ⁻¹,
+//! For a block of columns J whose rows below are B, with `Y = L_BJ L_JJ⁻¹`,
 //!
 //! ```text
 //! Z_BJ = −Z_BB Y,     Z_JJ = (L_JJ L_JJᵀ)⁻¹ − Yᵀ Z_BJ
 //! ```
-//! from the last block to the first; every entry of Z_BB lies in the pattern already. This is
+//! from the last block to the first; every entry of `Z_BB` lies in the pattern already. This is
 //! Takahashi's recursion (module page) in blocks; source [Lin, Yang, Meza, Lu, Ying, E 2011].
 
 use super::analysis::{Analysis, Factor};
@@ -79,7 +79,7 @@ impl<'a> Inverse<'a> {
         }
     }
 
-    /// Z_BB, both triangles.
+    /// `Z_BB`, both triangles.
     fn below(&self, pattern: &[u32]) -> Mat<f64> {
         let mut z = Mat::<f64>::zeros(pattern.len(), pattern.len());
         for (j, column) in pattern.iter().enumerate() {

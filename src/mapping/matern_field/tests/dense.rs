@@ -61,8 +61,25 @@ impl Dense {
         self.rows.push((*row, z, var_m2));
     }
 
-    /// M* = K_*X (K_XX + R)⁻¹ (z − mean), Σ* = K_** − K_*X (K_XX + R)⁻¹ K_X*.
+    /// `M* = K_*X (K_XX + R)⁻¹ (z − mean), Σ* = K_** − K_*X (K_XX + R)⁻¹ K_X*`.
     pub(super) fn posterior(&self) -> (DVector<f64>, DMatrix<f64>) {
+        let (cross, k_xx, innovation) = self.observed();
+        let inverse = k_xx.cholesky().expect("positive definite");
+        let mean = (&cross * inverse.solve(&innovation)).add_scalar(self.mean_m);
+        let cov = &self.cov_m2 - &cross * inverse.solve(&cross.transpose());
+        (mean, cov)
+    }
+
+    /// `ln det (K_XX + R) + (z − mean)ᵀ (K_XX + R)⁻¹ (z − mean)`.
+    pub(super) fn minus_two_log_likelihood(&self) -> f64 {
+        let (_, k_xx, innovation) = self.observed();
+        let factor = k_xx.cholesky().expect("positive definite");
+        let log_det: f64 = factor.l().diagonal().iter().map(|d| 2.0 * d.ln()).sum();
+        log_det + innovation.dot(&factor.solve(&innovation))
+    }
+
+    /// `K_*X`, `K_XX + R`, `z − mean`.
+    fn observed(&self) -> (DMatrix<f64>, DMatrix<f64>, DVector<f64>) {
         let (n, n_rows) = (self.cov_m2.nrows(), self.rows.len());
         let mut a = DMatrix::zeros(n_rows, n);
         let mut innovation = DVector::zeros(n_rows);
@@ -76,10 +93,7 @@ impl Dense {
         }
         let cross = &self.cov_m2 * a.transpose();
         let k_xx = &a * &cross + DMatrix::from_diagonal(&noise);
-        let inverse = k_xx.cholesky().expect("positive definite");
-        let mean = (&cross * inverse.solve(&innovation)).add_scalar(self.mean_m);
-        let cov = &self.cov_m2 - &cross * inverse.solve(&cross.transpose());
-        (mean, cov)
+        (cross, k_xx, innovation)
     }
 }
 
