@@ -102,7 +102,6 @@ fn posterior_with_walls_and_unknown_level_equals_the_dense_one() {
 fn iterative_posterior_equals_the_dense_one() {
     let prior = Prior { mean_sigma_m: 2.5, ..PRIOR };
     compare_with_dense(&prior, Solver::Iterative { residual_ratio: 1e-10 }, wall);
-    compare_with_dense(&PRIOR, Solver::Iterative { residual_ratio: 1e-10 }, open);
 }
 
 /// The field without data, and the covariance of every node with one of them.
@@ -302,17 +301,17 @@ fn multigrid_needs_no_more_steps_on_larger_maps() {
 fn hyper_parameters_of_drawn_fields_are_found() {
     let truth = Prior { range_m: 2.0, sigma_m: 0.7, mean_m: 1.0, mean_sigma_m: 1.0 };
     let (nugget_m, white_m): (f64, f64) = (0.06, 0.02);
-    let grid = square_grid(32, 0.25);
+    let grid = square_grid(26, 0.25);
     let lattice = Arc::new(Lattice::covering(&grid, 0.75, open));
     let empty = Information::new(&lattice);
     let prior = solve(&lattice, &truth, &empty, Solver::Direct, None).expect("solved");
     let mut noise = SeedBook::new(17).stream("hyper-parameters");
-    let n_fields = 4_u32;
+    let n_fields = 3_u32;
     let mut logs = Vec::new();
     for field in 0..n_fields {
         let height_m = prior.sample_m(&mut noise).expect("has a factor");
         let sigma_m = nugget_m.hypot(white_m);
-        let data: Vec<Datum> = hits(&grid, 1200, u64::from(field))
+        let data: Vec<Datum> = hits(&grid, 800, u64::from(field))
             .into_iter()
             .map(|((x_m, y_m), _, _)| {
                 let row = lattice.row_at(x_m, y_m).expect("on the lattice");
@@ -328,9 +327,9 @@ fn hyper_parameters_of_drawn_fields_are_found() {
             (found.nugget_m / nugget_m).ln(),
         ]);
     }
-    // Fields of four ranges by four fix ρ and σ to about 15 %, the nugget to 3 %; three standard
-    // errors of the mean of four.
-    for (axis, bound) in [(0, 0.25), (1, 0.25), (2, 0.06)] {
+    // Fields of three ranges by three fix ρ and σ to about 20 %, the nugget to 4 %; three standard
+    // errors of the mean of three.
+    for (axis, bound) in [(0, 0.35), (1, 0.35), (2, 0.07)] {
         let mean = logs.iter().map(|log| log[axis]).sum::<f64>() / f64::from(n_fields);
         assert!(mean.abs() < bound, "parameter {axis}: {logs:?}");
     }
