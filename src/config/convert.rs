@@ -252,7 +252,6 @@ impl Config {
             range_m: within("surface.field.range_m", field.range_m, (0.2, 100.0), "m")?,
             sigma_m: within("surface.field.sigma_m", field.sigma_m, (0.01, 50.0), "m")?,
             nugget_m: within("surface.field.nugget_m", field.nugget_m, (1e-3, 2.0), "m")?,
-            estimates_prior: field.estimates_prior,
             mean_level_m: (kalman_grid.prior_height_m, kalman_grid.prior_sigma_m),
             slope_sigma: kalman_grid.slope_sigma,
             calibration: CalibrationSigmas {

@@ -329,13 +329,11 @@ pub struct FieldSection {
     pub sigma_m: f64,
     /// Roughness below the cell size, m.
     pub nugget_m: f64,
-    /// The three above are estimated from the data once there are enough.
-    pub estimates_prior: bool,
 }
 
 impl Default for FieldSection {
     fn default() -> Self {
-        Self { range_m: 5.0, sigma_m: 1.0, nugget_m: 0.02, estimates_prior: true }
+        Self { range_m: 5.0, sigma_m: 1.0, nugget_m: 0.02 }
     }
 }
 

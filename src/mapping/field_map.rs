@@ -32,8 +32,6 @@ pub struct Settings {
     pub sigma_m: f64,
     /// Roughness below the cell size `σ_ε`, m.
     pub nugget_m: f64,
-    /// Range, deviation and roughness are estimated from the data as soon as there are enough.
-    pub estimates_prior: bool,
     /// Expected mean level, m, and its standard deviation, m.
     pub mean_level_m: (f64, f64),
     /// Standard deviation `σ_t` of the slope before anything is known.
@@ -48,7 +46,6 @@ impl Default for Settings {
             range_m: 5.0,
             sigma_m: 1.0,
             nugget_m: 0.02,
-            estimates_prior: true,
             mean_level_m: (1.5, 1.5),
             slope_sigma: 0.6,
             calibration: CalibrationSigmas::default(),
@@ -87,8 +84,6 @@ pub struct Hyper {
     pub sigma_m: f64,
     /// Roughness below the cell size `σ_ε`, m.
     pub nugget_m: f64,
-    /// Turns that these were estimated from; 0 where they are configured.
-    pub n_turns: usize,
 }
 
 /// The turns of a flight, and the newest surface.
@@ -165,12 +160,7 @@ pub struct SolveField {
 
 impl Hyper {
     const fn configured(settings: &Settings) -> Self {
-        Self {
-            range_m: settings.range_m,
-            sigma_m: settings.sigma_m,
-            nugget_m: settings.nugget_m,
-            n_turns: 0,
-        }
+        Self { range_m: settings.range_m, sigma_m: settings.sigma_m, nugget_m: settings.nugget_m }
     }
 
     const fn prior(&self, settings: &Settings) -> Prior {
@@ -211,20 +201,17 @@ impl SolveField {
         // The first solution of all has no slopes to start from.
         let n_rounds =
             if self.is_final { FINAL_ROUNDS } else { 1 + usize::from(self.newest.is_none()) };
-        let mut round = self.round(self.newest.as_deref(), true)?;
+        let mut round = self.round(self.newest.as_deref())?;
         for _ in 1..n_rounds {
-            round = self.round(Some(&round.newest), false)?;
+            round = self.round(Some(&round.newest))?;
         }
         self.account(round)
     }
 
     /// One solution with the slopes of the one before.
-    fn round(&self, before: Option<&NewestField>, may_estimate: bool) -> Result<Round, FieldError> {
+    fn round(&self, before: Option<&NewestField>) -> Result<Round, FieldError> {
         let settings = &self.setup.settings;
-        let mut hyper = before.map_or_else(|| Hyper::configured(settings), |b| b.hyper);
-        if may_estimate && settings.estimates_prior {
-            hyper = self.estimated(hyper);
-        }
+        let hyper = before.map_or_else(|| Hyper::configured(settings), |b| b.hyper);
         let heights_m = before.map(|before| before.heights_m.clone());
         let at = self.setup.linearization(heights_m.as_deref(), hyper.nugget_m);
         let data = self.gather(&at);
@@ -238,10 +225,6 @@ impl SolveField {
         )?;
         let newest = NewestField { heights_m: solution.height_m().to_vec(), hyper };
         Ok(Round { solution, data, linearized_at_m: heights_m, newest })
-    }
-
-    fn estimated(&self, hyper: Hyper) -> Hyper {
-        hyper
     }
 
     /// Adds up what all turns know.

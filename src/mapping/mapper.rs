@@ -2,7 +2,7 @@
 
 use super::base::BaseSurface;
 use super::field_map::{self, FieldMap, NewestField, Setup, SolveField};
-use super::footprint::{Footprint, PatchGatherer};
+use super::footprint::{Footprint, LineHit, gather};
 use super::grid_map::{self, Bays, GridMap, SolveGrid};
 use super::kalman_grid::KalmanGrid;
 use super::matern_field::{FieldError, Lattice};
@@ -105,14 +105,14 @@ impl Mapper {
             .field
             .as_ref()
             .and_then(|_| Some((error_at(middle, previous)?, pose_at(middle)?.0)));
-        let mut patches = PatchGatherer::new(self.settings.cell_m);
+        let mut hits = Vec::new();
         for beam in &scan.beams {
             self.counts.received += 1;
             let fate = match self.hit(beam, || pose_at(scan.beam_at(beam))) {
                 Ok((hit, hall_from_body)) => {
                     self.grid.insert(&hit, &self.settings.region);
                     if shared.is_some() {
-                        self.gather(&hit, &hall_from_body, &mut patches);
+                        hits.push(self.line_hit(&hit, &hall_from_body));
                     }
                     Fate::Used
                 }
@@ -120,7 +120,7 @@ impl Mapper {
             };
             *self.count_of(fate) += 1;
         }
-        let patches = patches.finish();
+        let patches = gather(&hits, self.settings.cell_m);
         if let (Some(field), Some((error, hall_from_body))) = (&mut self.field, shared)
             && !patches.is_empty()
         {
@@ -128,12 +128,15 @@ impl Mapper {
         }
     }
 
-    fn gather(&self, hit: &Hit, hall_from_body: &Transform<Hall, Body>, to: &mut PatchGatherer) {
+    fn line_hit(&self, hit: &Hit, hall_from_body: &Transform<Hall, Body>) -> LineHit {
         let grid = self.grid.grid().geometry();
-        let arm_m = hall_from_body.inverse() * hit.place;
         let node = |place_m: f64, min_m: f64| (place_m - min_m) / grid.cell_m - 0.5;
         let p = hit.place.coords;
-        to.push(&hit.place, &arm_m.coords, (node(p.x, grid.x_min_m), node(p.y, grid.y_min_m)));
+        LineHit {
+            place: hit.place,
+            arm_m: (hall_from_body.inverse() * hit.place).coords,
+            at_node: (node(p.x, grid.x_min_m), node(p.y, grid.y_min_m)),
+        }
     }
 
     const fn count_of(&mut self, fate: Fate) -> &mut u64 {
@@ -346,7 +349,7 @@ mod tests {
                 blind_sectors_rad: vec![(2.6, 3.2)],
             },
             grid: grid_map::Settings::default(),
-            field: field_map::Settings { estimates_prior: false, ..Default::default() },
+            field: field_map::Settings::default(),
             max_position_sigma_m: 0.2,
         }
     }

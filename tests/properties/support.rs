@@ -125,7 +125,7 @@ pub(crate) fn settings() -> Settings {
             max_height_m: 2.0,
             lidar: lidar_mount(),
             grid: grid_map::Settings { kalman_grid: grid, ..Default::default() },
-            field: field_map::Settings { estimates_prior: false, ..Default::default() },
+            field: field_map::Settings::default(),
             max_position_sigma_m: 0.3,
         },
         planning: planning::Settings {

@@ -1,4 +1,9 @@
 //! The budget against the same map solved again with every source of error moved.
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_precision_loss,
+    reason = "places are single precision, counts are small"
+)]
 
 use super::super::bay::BayOnGrid;
 use super::super::field_map::{self, FieldMap, Setup};
@@ -12,6 +17,7 @@ use crate::messages::{GridGeometry, PoseError, TagSensitivity, VolumeAccount};
 use crate::stats::{Noise, SeedBook};
 use crate::time::Stamp;
 use nalgebra::Matrix6x3;
+use std::time::Duration;
 
 const SIGMAS: CalibrationSigmas = CalibrationSigmas {
     range_bias_m: 0.01,
@@ -21,7 +27,7 @@ const SIGMAS: CalibrationSigmas = CalibrationSigmas {
     clock_offset_s: 0.002,
     tag_place_m: 0.005,
 };
-const N_TURNS: i64 = 12;
+const N_TURNS: usize = 12;
 const N_TAGS: usize = 2;
 
 fn grid() -> GridGeometry {
@@ -36,12 +42,7 @@ fn map() -> FieldMap {
     let lattice = Lattice::covering(&grid(), 1.0, |_, _| false);
     let areas = vec![grid().cell_area_m2(); grid().n_cells()];
     FieldMap::new(Arc::new(Setup {
-        settings: field_map::Settings {
-            range_m: 3.0,
-            estimates_prior: false,
-            calibration: SIGMAS,
-            ..Default::default()
-        },
+        settings: field_map::Settings { range_m: 3.0, calibration: SIGMAS, ..Default::default() },
         lattice: Arc::new(lattice),
         lidar: LidarMount {
             body_from_lidar: mount(),
@@ -85,7 +86,7 @@ fn tag_sensitivity(turn: usize, tag_idx: usize) -> Matrix6x3<f64> {
 
 /// The turns of a flight over the ground; the error is in what the map is told, never in the truth.
 fn footprints(wrong: &Wrong) -> Vec<Footprint> {
-    (0..N_TURNS as usize).map(|turn| footprint(turn, wrong)).collect()
+    (0..N_TURNS).map(|turn| footprint(turn, wrong)).collect()
 }
 
 fn footprint(turn: usize, wrong: &Wrong) -> Footprint {
@@ -134,7 +135,7 @@ fn footprint(turn: usize, wrong: &Wrong) -> Footprint {
         .collect();
     Footprint {
         error: PoseError {
-            at: Stamp::from_nanos(turn as i64 * 100_000_000),
+            at: Stamp::ZERO.plus(Duration::from_millis(100 * turn as u64)),
             cov: cov(turn),
             from_previous: transition(turn),
             velocity_mps,
@@ -240,7 +241,7 @@ fn constant_sources_match_the_map_solved_again() {
 fn chained_pose_errors_match_the_joint_covariance() {
     let account = solved(footprints(&Wrong::default()));
     // s_k of every turn by moving that turn's pose alone.
-    let s: Vec<SVector<f64, SIZE>> = (0..N_TURNS as usize)
+    let s: Vec<SVector<f64, SIZE>> = (0..N_TURNS)
         .map(|turn| {
             let mut s = SVector::<f64, SIZE>::zeros();
             for c in 0..6 {
