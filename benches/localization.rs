@@ -68,6 +68,7 @@ fn late_fix(c: &mut Criterion) {
         hall_from_body: full.state_at(exposed).expect("inside").hall_from_body,
         pose_cov: Matrix6::from_diagonal_element(1e-4),
         residual_rms_px: 0.3,
+        n_points: 8,
         q_pos: 40.0,
         q_position: 50.0,
     };

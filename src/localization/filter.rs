@@ -336,6 +336,7 @@ mod tests {
             hall_from_body: truth,
             pose_cov: Matrix6::identity() * 0.04,
             residual_rms_px: 0.0,
+            n_points: 8,
             q_pos: 1.0,
             q_position: 1.0,
         };

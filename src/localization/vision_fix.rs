@@ -292,6 +292,7 @@ fn outcome(
         hall_from_body: *pose,
         pose_cov,
         residual_rms_px,
+        n_points: features.len(),
         q_pos: q_pos(&pose_cov),
         q_position: q_position(&pose_cov),
     })

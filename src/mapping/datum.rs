@@ -25,6 +25,9 @@ pub struct Linearization<'a> {
     pub lattice: &'a Lattice,
     /// Height of every node, m; `None` before the first solution.
     pub heights_m: Option<&'a [f64]>,
+    /// Nodes that rest on data: outliers are judged against these alone. Empty before the first
+    /// solution.
+    pub is_known: &'a [bool],
     /// The LiDAR.
     pub lidar: &'a LidarMount,
     /// Roughness below the cell size `σ_ε`, m.
@@ -163,6 +166,13 @@ impl Linearization<'_> {
     #[must_use]
     pub fn believes(&self, datum: &Datum) -> bool {
         let Some(heights_m) = self.heights_m else { return true };
+        let has_unknown_node =
+            std::iter::zip(datum.row.nodes, datum.row.weights).any(|(node, weight)| {
+                weight > 0.0 && !self.is_known.get(node as usize).is_some_and(|k| *k)
+            });
+        if has_unknown_node {
+            return true;
+        }
         let gate_m =
             (GATE_SIGMAS * datum.var_m2().sqrt()).max(GATE_CELLS * self.lattice.spacing_m());
         (datum.height_m - datum.row.value(heights_m)).abs() <= gate_m

@@ -71,6 +71,8 @@ pub struct Setup {
 pub struct NewestField {
     /// Height of every node, m.
     pub heights_m: Vec<f64>,
+    /// Nodes that rest on data.
+    pub is_known: Vec<bool>,
     /// Range, deviation and roughness in use.
     pub hyper: Hyper,
 }
@@ -125,8 +127,9 @@ impl FieldMap {
 
     /// The linearisation at these heights, with the configured roughness.
     #[cfg(test)]
-    pub(super) fn linearization<'a>(&'a self, heights_m: Option<&'a [f64]>) -> Linearization<'a> {
-        self.setup.linearization(heights_m, self.setup.settings.nugget_m)
+    pub(super) fn linearization<'a>(&'a self, heights_m: &'a [f64]) -> Linearization<'a> {
+        let at = self.setup.linearization(None, self.setup.settings.nugget_m);
+        Linearization { heights_m: Some(heights_m), ..at }
     }
 
     /// When the newest turn was taken.
@@ -184,8 +187,8 @@ struct Data {
 struct Round {
     solution: Solution,
     data: Data,
-    /// The heights whose slopes the data were linearised with.
-    linearized_at_m: Option<Vec<f64>>,
+    /// The surface whose slopes the data were linearised with.
+    before: Option<NewestField>,
     newest: NewestField,
 }
 
@@ -201,7 +204,9 @@ impl SolveField {
         // The first solution of all has no slopes to start from.
         let n_rounds =
             if self.is_final { FINAL_ROUNDS } else { 1 + usize::from(self.newest.is_none()) };
-        let mut round = self.round(self.newest.as_deref())?;
+        // After landing all data meet as equals: an early, wrong surface must not refuse later ones.
+        let first = self.newest.as_deref().filter(|_| !self.is_final);
+        let mut round = self.round(first)?;
         for _ in 1..n_rounds {
             round = self.round(Some(&round.newest))?;
         }
@@ -212,8 +217,7 @@ impl SolveField {
     fn round(&self, before: Option<&NewestField>) -> Result<Round, FieldError> {
         let settings = &self.setup.settings;
         let hyper = before.map_or_else(|| Hyper::configured(settings), |b| b.hyper);
-        let heights_m = before.map(|before| before.heights_m.clone());
-        let at = self.setup.linearization(heights_m.as_deref(), hyper.nugget_m);
+        let at = self.setup.linearization(before, hyper.nugget_m);
         let data = self.gather(&at);
         let prior = hyper.prior(settings);
         let solution = matern_field::solve(
@@ -221,10 +225,12 @@ impl SolveField {
             &prior,
             &data.info,
             Solver::Automatic,
-            heights_m.as_deref(),
+            before.map(|before| before.heights_m.as_slice()),
         )?;
-        let newest = NewestField { heights_m: solution.height_m().to_vec(), hyper };
-        Ok(Round { solution, data, linearized_at_m: heights_m, newest })
+        let is_known =
+            (0..self.setup.lattice.n_nodes()).map(|node| data.info.n_hits(node) > 0.0).collect();
+        let newest = NewestField { heights_m: solution.height_m().to_vec(), is_known, hyper };
+        Ok(Round { solution, data, before: before.cloned(), newest })
     }
 
     /// Adds up what all turns know.
@@ -250,7 +256,7 @@ impl SolveField {
     fn account(&self, round: Round) -> Result<SolvedSurface, FieldError> {
         let setup = &self.setup;
         let nugget_m = round.newest.hyper.nugget_m;
-        let at = setup.linearization(round.linearized_at_m.as_deref(), nugget_m);
+        let at = setup.linearization(round.before.as_ref(), nugget_m);
         let adjoint = |bay: &BayOnGrid| {
             round.solution.adjoint(&setup.lattice.from_cells(&bay.base.cell_areas_m2), None)
         };
@@ -296,15 +302,16 @@ impl Setup {
         SeenCells::new(grid, &(0..grid.n_cells()).map(is_seen).collect::<Vec<_>>())
     }
 
-    /// What a patch is worth at these heights.
+    /// What a patch is worth beside the newest surface.
     fn linearization<'a>(
         &'a self,
-        heights_m: Option<&'a [f64]>,
+        newest: Option<&'a NewestField>,
         nugget_m: f64,
     ) -> Linearization<'a> {
         Linearization {
             lattice: &self.lattice,
-            heights_m,
+            heights_m: newest.map(|newest| newest.heights_m.as_slice()),
+            is_known: newest.map_or(&[], |newest| newest.is_known.as_slice()),
             lidar: &self.lidar,
             nugget_m,
             slope_sigma: self.settings.slope_sigma,

@@ -148,6 +148,8 @@ pub struct FixOutcome {
     pub pose_cov: Matrix6<f64>,
     /// Root mean square of the reprojection residuals, px.
     pub residual_rms_px: f64,
+    /// Points that the fix rests on; those that did not fit are left out.
+    pub n_points: usize,
     /// Quality of the fix by its pixels alone: 1/√tr(Σ^χ), m² and rad² added as the paper does; an
     /// uncertain capture time widens `pose_cov` but not this.
     pub q_pos: f64,

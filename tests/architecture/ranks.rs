@@ -42,8 +42,8 @@ pub(crate) const FORBIDDEN_IN_CORE: [&str; 9] = [
 ];
 
 /// Modules of the simulator that make the truth.
-pub(crate) const TRUTH_MODULES: [&str; 8] =
-    ["world", "raycast", "vehicle", "autopilot", "lidar", "camera", "rig", "judge"];
+pub(crate) const TRUTH_MODULES: [&str; 9] =
+    ["world", "raycast", "vehicle", "autopilot", "lidar", "camera", "rig", "judge", "machine"];
 
 pub(crate) fn rank_of(module: &str) -> Option<u8> {
     RANKS.iter().find(|(name, _)| *name == module).map(|(_, rank)| *rank)

@@ -76,7 +76,7 @@ fn fly(update: Update, latency_s: f64) -> Outcome {
 fn assert_honest(update: Update, latency_s: f64) {
     let seen = fly(update, latency_s);
     #[expect(clippy::cast_precision_loss, reason = "few")]
-    let n = (N_FLIGHTS as usize * LOOKS_S.len()) as f64;
+    let n = N_FLIGHTS as f64 * LOOKS_S.len() as f64;
     let (low, high) = band(3.0, n);
     println!(
         "{update:?}, {latency_s} s late: NEES {:.2?} in {low:.2} to {high:.2}, NIS/dof {:.3}, \

@@ -178,7 +178,7 @@ impl Flight {
         if !self.deaf.contains(&t) {
             self.localizer.on_imu(imu);
         }
-        if self.k % STEPS_PER_FRAME == 0 {
+        if self.k.is_multiple_of(STEPS_PER_FRAME) {
             let mut frame = self.frame(t);
             if spoil(&mut frame, &mut self.noise) {
                 self.waiting.push((t + self.latency_s, frame));

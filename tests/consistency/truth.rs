@@ -175,6 +175,7 @@ pub(crate) fn fix(
         hall_from_body: motion.pose(t).perturbed(&dp, &dr),
         pose_cov: *pose_cov,
         residual_rms_px: 0.5,
+        n_points: 8,
         q_pos: 1.0 / pose_cov.trace().sqrt(),
         q_position: 1.0 / pose_cov.fixed_view::<3, 3>(0, 0).trace().sqrt(),
     }

@@ -135,6 +135,7 @@ fn fix() -> FixRecord {
             hall_from_body: pose(),
             pose_cov: Matrix6::identity(),
             residual_rms_px: 0.25,
+            n_points: 8,
             q_pos: 12.5,
             q_position: 14.25,
         }),
@@ -231,7 +232,7 @@ fn results_are_recorded_with_their_units_and_names() {
         }
     }
     assert_eq!(seen.len(), 10);
-    assert_eq!(results.len(), 10);
+    assert_eq!(results.len(), 11);
     let of = |topic: Topic| &results[&topic];
     assert_eq!(of(Topic::Setpoint)["position_m"], serde_json::json!([1.0, 2.0, 3.0]));
     assert_eq!(of(Topic::Command)["command"], "enter_land");

@@ -45,6 +45,7 @@ fn fix(near: &Transform<Hall, Body>, noise: &mut Noise) -> FixOutcome {
         hall_from_body: near.perturbed(&p, &r),
         pose_cov,
         residual_rms_px: 0.3,
+        n_points: 8,
         q_pos: 1.0,
         q_position: 1.0,
     }
@@ -97,6 +98,7 @@ fn consistent_fixes(truth: &Ring, n: i64, noise: &mut Noise) -> Vec<(Stamp<Mono>
                 hall_from_body: pose.perturbed(&p, &r),
                 pose_cov: Matrix6::from_diagonal_element(4e-4),
                 residual_rms_px: 0.3,
+                n_points: 8,
                 q_pos: 20.0,
                 q_position: 20.0,
             };

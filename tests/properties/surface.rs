@@ -81,6 +81,7 @@ fn printed_variance_adds_marginals_and_full_is_that_of_the_sum() {
         let mut settings = settings().mapping;
         settings.method = Method::KalmanGrid;
         settings.grid.volume_variance = volume_variance;
+        settings.grid.gp.sigma_m = 0.5;
         let areas = settings.region.cell_areas_m2(&settings.region.grid(settings.cell_m));
         let solve = Mapper::new(settings).snapshot(at_ns(0), true);
         (solve.run().expect("a tapered kernel is positive definite"), areas)

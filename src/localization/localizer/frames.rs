@@ -244,7 +244,7 @@ impl Localizer {
                     let sigma_s = self.settings.capture_sigma_s;
                     fix.pose_cov += capture_time_cov(state, rate_radps, sigma_s);
                 }
-                record.n_points_used = record.n_points;
+                record.n_points_used = fix.n_points;
                 self.take_fix(record.at, &fix, seen.n_tags(), record);
                 record.fix = Some(fix);
             }

@@ -45,6 +45,7 @@ fn fix(noise: &mut crate::stats::Noise) -> FixOutcome {
         hall_from_body: pose.perturbed(&(noise.normal3() * 0.02), &(noise.normal3() * 0.01)),
         pose_cov: Matrix6::identity() * 0.01,
         residual_rms_px: 0.3,
+        n_points: 8,
         q_pos: 10.0,
         q_position: 10.0,
     }

@@ -182,10 +182,12 @@ fn chosen(
     if let Some(gravity) = gravity_body {
         minima.retain(|minimum| tilt_rad(minimum, gravity) <= MAX_TILT_RAD);
     }
+    // Absurd pixels can make every cost infinite or none at all.
+    minima.retain(|minimum| minimum.cost.is_finite());
     let best = *minima.first().ok_or(NoFix::BadResidual)?;
     let as_good = |minimum: &Minimum| 2.0 * (minimum.cost - best.cost) < AMBIGUOUS_CHI2 * excess;
     minima.retain(as_good);
-    if minima.len() == 1 {
+    if minima.len() <= 1 {
         return Ok(best);
     }
     let gravity = gravity_body.ok_or(NoFix::NotObservable)?;

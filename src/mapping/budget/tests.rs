@@ -293,7 +293,7 @@ fn shaken(mut turn: Footprint, noise: &mut Noise) -> Footprint {
         .map(|node| map.lattice().place_m(node))
         .map(|(x, y)| height_m(x, y))
         .collect();
-    let at = map.linearization(Some(&heights));
+    let at = map.linearization(&heights);
     let data: Vec<_> = {
         let shared = Turn::new(&turn, at);
         turn.patches.iter().map(|patch| shared.datum(patch)).collect()

@@ -193,6 +193,7 @@ struct FixOutcomeTwin {
     #[serde(with = "Rows")]
     pose_cov: Matrix6<f64>,
     residual_rms_px: f64,
+    n_points: usize,
     q_pos: f64,
     q_position: f64,
 }
