@@ -154,7 +154,8 @@ impl Bay {
 }
 
 impl BayOnGrid {
-    /// The account of this bay's volume under a surface (one height per cell, m), whose variance
+    /// The account of this bay's volume under a surface (one height per cell, m, and the volume that
+    /// its solver is known to have left out, m³), whose variance
     /// `budget` itemises; the density's row is added here.
     ///
     /// `range_m` is how far a seen cell speaks for its neighbours.
@@ -162,13 +163,13 @@ impl BayOnGrid {
     pub fn account(
         &self,
         at: Stamp<Mono>,
-        surface_m: &[f64],
+        (surface_m, left_m3): (&[f64], f64),
         mut budget: VolumeBudget,
         seen: &SeenCells,
         range_m: f64,
     ) -> VolumeAccount {
         let base = &self.base;
-        let volume_m3 = base.volume_m3(surface_m);
+        let volume_m3 = base.volume_m3(surface_m) + left_m3;
         let sigma_m3 = budget.var_m6().max(0.0).sqrt();
         if let Some(density) = &self.density {
             budget.rows.push(density.budget_row(volume_m3, sigma_m3));

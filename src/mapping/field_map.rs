@@ -73,19 +73,6 @@ pub struct NewestField {
     pub heights_m: Vec<f64>,
     /// Nodes that rest on data.
     pub is_known: Vec<bool>,
-    /// Range, deviation and roughness in use.
-    pub hyper: Hyper,
-}
-
-/// What the field assumes of the material.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Hyper {
-    /// Practical range ρ, m.
-    pub range_m: f64,
-    /// Standard deviation `σ_f` about the mean level, m.
-    pub sigma_m: f64,
-    /// Roughness below the cell size `σ_ε`, m.
-    pub nugget_m: f64,
 }
 
 /// The turns of a flight, and the newest surface.
@@ -128,7 +115,7 @@ impl FieldMap {
     /// The linearisation at these heights, with the configured roughness.
     #[cfg(test)]
     pub(super) fn linearization<'a>(&'a self, heights_m: &'a [f64]) -> Linearization<'a> {
-        let at = self.setup.linearization(None, self.setup.settings.nugget_m);
+        let at = self.setup.linearization(None);
         Linearization { heights_m: Some(heights_m), ..at }
     }
 
@@ -161,25 +148,9 @@ pub struct SolveField {
     is_final: bool,
 }
 
-impl Hyper {
-    const fn configured(settings: &Settings) -> Self {
-        Self { range_m: settings.range_m, sigma_m: settings.sigma_m, nugget_m: settings.nugget_m }
-    }
-
-    const fn prior(&self, settings: &Settings) -> Prior {
-        Prior {
-            range_m: self.range_m,
-            sigma_m: self.sigma_m,
-            mean_m: settings.mean_level_m.0,
-            mean_sigma_m: settings.mean_level_m.1,
-        }
-    }
-}
-
 /// What the turns know, added up.
 struct Data {
     info: Information,
-    n_beams: u64,
     n_refused: u64,
 }
 
@@ -192,7 +163,7 @@ struct Round {
     newest: NewestField,
 }
 
-/// Solves after landing: the third changes the volume by less than a millionth.
+/// Solves after landing: one without slopes and gates, one with them, and one with better ones.
 const FINAL_ROUNDS: usize = 3;
 
 impl SolveField {
@@ -215,33 +186,28 @@ impl SolveField {
 
     /// One solution with the slopes of the one before.
     fn round(&self, before: Option<&NewestField>) -> Result<Round, FieldError> {
-        let settings = &self.setup.settings;
-        let hyper = before.map_or_else(|| Hyper::configured(settings), |b| b.hyper);
-        let at = self.setup.linearization(before, hyper.nugget_m);
-        let data = self.gather(&at);
-        let prior = hyper.prior(settings);
+        let data = self.gather(&self.setup.linearization(before));
         let solution = matern_field::solve(
             &self.setup.lattice,
-            &prior,
+            &self.setup.settings.prior(),
             &data.info,
             Solver::Automatic,
             before.map(|before| before.heights_m.as_slice()),
         )?;
         let is_known =
             (0..self.setup.lattice.n_nodes()).map(|node| data.info.n_hits(node) > 0.0).collect();
-        let newest = NewestField { heights_m: solution.height_m().to_vec(), is_known, hyper };
+        let newest = NewestField { heights_m: solution.height_m().to_vec(), is_known };
         Ok(Round { solution, data, before: before.cloned(), newest })
     }
 
     /// Adds up what all turns know.
     fn gather(&self, at: &Linearization<'_>) -> Data {
         let setup = &self.setup;
-        let mut data = Data { info: Information::new(&setup.lattice), n_beams: 0, n_refused: 0 };
+        let mut data = Data { info: Information::new(&setup.lattice), n_refused: 0 };
         for footprint in &self.footprints {
             let turn = Turn::new(footprint, *at);
             for patch in &footprint.patches {
                 let Some(datum) = turn.datum(patch) else { continue };
-                data.n_beams += u64::from(patch.n_beams);
                 if !at.believes(&datum) {
                     data.n_refused += u64::from(patch.n_beams);
                     continue;
@@ -255,33 +221,32 @@ impl SolveField {
     /// The volumes of a solution with their budgets.
     fn account(&self, round: Round) -> Result<SolvedSurface, FieldError> {
         let setup = &self.setup;
-        let nugget_m = round.newest.hyper.nugget_m;
-        let at = setup.linearization(round.before.as_ref(), nugget_m);
-        let adjoint = |bay: &BayOnGrid| {
-            round.solution.adjoint(&setup.lattice.from_cells(&bay.base.cell_areas_m2), None)
-        };
+        let at = setup.linearization(round.before.as_ref());
+        let areas_m2 = |bay: &BayOnGrid| setup.lattice.from_cells(&bay.base.cell_areas_m2);
+        let adjoint = |bay: &BayOnGrid| round.solution.adjoint(&areas_m2(bay), None);
         let adjoints = setup.bays.iter().map(adjoint).collect::<Result<Vec<_>, _>>()?;
         let q_m2: Vec<&[f64]> = adjoints.iter().map(|adjoint| adjoint.q.as_slice()).collect();
         let budgets = data_budgets(&self.footprints, &at, &q_m2, &setup.settings.calibration);
         let mean_m = setup.lattice.on_cells(&round.newest.heights_m);
         let seen = setup.seen(&round.data.info);
-        let range_m = round.newest.hyper.range_m;
+        let range_m = setup.settings.range_m;
         let accounts = std::iter::zip(setup.bays.iter(), std::iter::zip(adjoints, budgets))
             .map(|(bay, (adjoint, mut budget))| {
+                // An iterative solution leaves something of V, which its adjoint knows.
+                let w = areas_m2(bay);
+                let raw_m3: f64 =
+                    std::iter::zip(&w, round.solution.height_m()).map(|(w, h)| w * h).sum();
+                let left_m3 = round.solution.functional(&w, &adjoint) - raw_m3;
                 let prior = BudgetRow { source: BudgetSource::Prior, var_m6: adjoint.prior_var };
                 budget.rows.insert(0, prior);
                 if !bay.base.errors.is_empty() {
                     budget.push_shared(BudgetSource::Base, &bay.base.errors);
                 }
-                bay.account(self.at, &mean_m, budget, &seen, range_m)
+                bay.account(self.at, (&mean_m, left_m3), budget, &seen, range_m)
             })
             .collect();
-        let sigma_m = setup
-            .lattice
-            .on_cells(&round.solution.marginal_var_m2()?)
-            .iter()
-            .map(|var| var.sqrt())
-            .collect();
+        let sigma_m =
+            setup.lattice.on_cells(&self.var_m2(&round)?).iter().map(|var| var.sqrt()).collect();
         let surface = HeightMap { at: self.at, grid: *setup.lattice.grid(), mean_m, sigma_m };
         Ok(SolvedSurface {
             accounts,
@@ -289,6 +254,31 @@ impl SolveField {
             n_beams_refused: round.data.n_refused,
             newest: Some(Arc::new(round.newest)),
         })
+    }
+}
+
+impl SolveField {
+    /// Variance of the height at every node, m²: exact after landing and on maps that are solved by a
+    /// factor; in flight over larger ones, where the exact one takes gigabytes, what a node's own
+    /// data leave of the prior.
+    fn var_m2(&self, round: &Round) -> Result<Vec<f64>, FieldError> {
+        let n_nodes = self.setup.lattice.n_nodes();
+        if self.is_final || n_nodes <= Solver::MOST_NODES_DIRECT {
+            return round.solution.marginal_var_m2();
+        }
+        let prior_info = self.setup.settings.sigma_m.powi(-2);
+        Ok((0..n_nodes).map(|n| 1.0 / (prior_info + round.data.info.info_per_m2(n))).collect())
+    }
+}
+
+impl Settings {
+    const fn prior(&self) -> Prior {
+        Prior {
+            range_m: self.range_m,
+            sigma_m: self.sigma_m,
+            mean_m: self.mean_level_m.0,
+            mean_sigma_m: self.mean_level_m.1,
+        }
     }
 }
 
@@ -303,17 +293,13 @@ impl Setup {
     }
 
     /// What a patch is worth beside the newest surface.
-    fn linearization<'a>(
-        &'a self,
-        newest: Option<&'a NewestField>,
-        nugget_m: f64,
-    ) -> Linearization<'a> {
+    fn linearization<'a>(&'a self, newest: Option<&'a NewestField>) -> Linearization<'a> {
         Linearization {
             lattice: &self.lattice,
             heights_m: newest.map(|newest| newest.heights_m.as_slice()),
             is_known: newest.map_or(&[], |newest| newest.is_known.as_slice()),
             lidar: &self.lidar,
-            nugget_m,
+            nugget_m: self.settings.nugget_m,
             slope_sigma: self.settings.slope_sigma,
         }
     }

@@ -76,7 +76,7 @@ fn a_wrong_id(update: Update) {
 
 fn swapped_corners(update: Update) {
     let seen = flown_and_within(update, CameraFault::SwappedCorners, FAULT_S, 31);
-    // The marker that is swapped changes along the way; each is told within a few frames.
+    // Not told while a swapped marker is new: 0.83 was seen with the loose update.
     assert_told(&seen, 0.8);
 }
 
