@@ -13,6 +13,7 @@
 use super::bay::BayOnGrid;
 use super::budget::{CalibrationSigmas, data_budgets};
 use super::datum::{Linearization, Turn};
+use super::disturbance::{Flagged, Judge, Undisturbed};
 use super::footprint::Footprint;
 use super::grid_map::Bays;
 use super::mapper::SolvedSurface;
@@ -60,8 +61,8 @@ pub struct Setup {
     pub settings: Settings,
     /// Nodes of the field.
     pub lattice: Arc<Lattice>,
-    /// The LiDAR.
-    pub lidar: LidarMount,
+    /// The LiDARs; one, unless maps of several vehicles are merged.
+    pub lidars: Vec<LidarMount>,
     /// What is measured: the whole region, then its bays.
     pub bays: Bays,
 }
@@ -93,6 +94,17 @@ impl FieldMap {
     /// Takes in a turn.
     pub fn push(&mut self, footprint: Footprint) {
         self.footprints.push(Arc::new(footprint));
+    }
+
+    /// The turns so far, in their order.
+    #[must_use]
+    pub fn turns(&self) -> &[Arc<Footprint>] {
+        &self.footprints
+    }
+
+    /// The same map with the LiDARs of several vehicles.
+    pub(super) fn set_lidars(&mut self, lidars: Vec<LidarMount>) {
+        Arc::make_mut(&mut self.setup).lidars = lidars;
     }
 
     /// Forgets all turns and surfaces.
@@ -172,21 +184,26 @@ impl SolveField {
     /// # Errors
     /// [`FieldError`] from the field.
     pub fn run(&self) -> Result<SolvedSurface, FieldError> {
+        let turns = self.setup.judge().judge(&self.footprints);
         // The first solution of all has no slopes to start from.
         let n_rounds =
             if self.is_final { FINAL_ROUNDS } else { 1 + usize::from(self.newest.is_none()) };
         // After landing all data meet as equals: an early, wrong surface must not refuse later ones.
         let first = self.newest.as_deref().filter(|_| !self.is_final);
-        let mut round = self.round(first)?;
+        let mut round = self.round(&turns.footprints, first)?;
         for _ in 1..n_rounds {
-            round = self.round(Some(&round.newest))?;
+            round = self.round(&turns.footprints, Some(&round.newest))?;
         }
-        self.account(round)
+        self.account(&turns, round)
     }
 
     /// One solution with the slopes of the one before.
-    fn round(&self, before: Option<&NewestField>) -> Result<Round, FieldError> {
-        let data = self.gather(&self.setup.linearization(before));
+    fn round(
+        &self,
+        turns: &[Arc<Footprint>],
+        before: Option<&NewestField>,
+    ) -> Result<Round, FieldError> {
+        let data = self.gather(turns, &self.setup.linearization(before));
         let solution = matern_field::solve(
             &self.setup.lattice,
             &self.setup.settings.prior(),
@@ -201,11 +218,11 @@ impl SolveField {
     }
 
     /// Adds up what all turns know.
-    fn gather(&self, at: &Linearization<'_>) -> Data {
+    fn gather(&self, turns: &[Arc<Footprint>], at: &Linearization<'_>) -> Data {
         let setup = &self.setup;
         let mut data = Data { info: Information::new(&setup.lattice), n_refused: 0 };
-        for footprint in &self.footprints {
-            let turn = Turn::new(footprint, *at);
+        for footprint in turns {
+            let Some(turn) = Turn::new(footprint, *at) else { continue };
             for patch in &footprint.patches {
                 let Some(datum) = turn.datum(patch) else { continue };
                 if !at.believes(&datum) {
@@ -219,16 +236,16 @@ impl SolveField {
     }
 
     /// The volumes of a solution with their budgets.
-    fn account(&self, round: Round) -> Result<SolvedSurface, FieldError> {
+    fn account(&self, turns: &Undisturbed, round: Round) -> Result<SolvedSurface, FieldError> {
         let setup = &self.setup;
         let at = setup.linearization(round.before.as_ref());
         let areas_m2 = |bay: &BayOnGrid| setup.lattice.from_cells(&bay.base.cell_areas_m2);
         let adjoint = |bay: &BayOnGrid| round.solution.adjoint(&areas_m2(bay), None);
         let adjoints = setup.bays.iter().map(adjoint).collect::<Result<Vec<_>, _>>()?;
         let q_m2: Vec<&[f64]> = adjoints.iter().map(|adjoint| adjoint.q.as_slice()).collect();
-        let budgets = data_budgets(&self.footprints, &at, &q_m2, &setup.settings.calibration);
+        let budgets = data_budgets(&turns.footprints, &at, &q_m2, &setup.settings.calibration);
         let mean_m = setup.lattice.on_cells(&round.newest.heights_m);
-        let seen = setup.seen(&round.data.info);
+        let seen = setup.seen(&round.data.info, &turns.flagged);
         let range_m = setup.settings.range_m;
         let accounts = std::iter::zip(setup.bays.iter(), std::iter::zip(adjoints, budgets))
             .map(|(bay, (adjoint, mut budget))| {
@@ -247,11 +264,14 @@ impl SolveField {
             .collect();
         let sigma_m =
             setup.lattice.on_cells(&self.var_m2(&round)?).iter().map(|var| var.sqrt()).collect();
-        let surface = HeightMap { at: self.at, grid: *setup.lattice.grid(), mean_m, sigma_m };
+        let grid = *setup.lattice.grid();
+        let disturbed_cells = turns.flagged.cells().collect();
+        let surface = HeightMap { at: self.at, grid, mean_m, sigma_m, disturbed_cells };
         Ok(SolvedSurface {
             accounts,
             surface,
-            n_beams_refused: round.data.n_refused,
+            n_beams_refused: turns.n_beams_left_out + round.data.n_refused,
+            disturbed: turns.flagged.areas(&grid),
             newest: Some(Arc::new(round.newest)),
         })
     }
@@ -286,10 +306,17 @@ impl Settings {
 const SEEN_FROM_PATCHES: f64 = 0.5;
 
 impl Setup {
-    fn seen(&self, info: &Information) -> SeenCells {
+    fn seen(&self, info: &Information, flagged: &Flagged) -> SeenCells {
         let grid = self.lattice.grid();
         let is_seen = |cell| info.n_hits(self.lattice.node_of_cell(cell)) >= SEEN_FROM_PATCHES;
-        SeenCells::new(grid, &(0..grid.n_cells()).map(is_seen).collect::<Vec<_>>())
+        let is_seen: Vec<bool> = (0..grid.n_cells()).map(is_seen).collect();
+        SeenCells::new(grid, &is_seen, flagged.clone())
+    }
+
+    /// Who knows what moved.
+    fn judge(&self) -> Judge<'_> {
+        let Settings { nugget_m, slope_sigma, .. } = self.settings;
+        Judge { lattice: &self.lattice, nugget_m, slope_sigma }
     }
 
     /// What a patch is worth beside the newest surface.
@@ -298,7 +325,7 @@ impl Setup {
             lattice: &self.lattice,
             heights_m: newest.map(|newest| newest.heights_m.as_slice()),
             is_known: newest.map_or(&[], |newest| newest.is_known.as_slice()),
-            lidar: &self.lidar,
+            lidars: &self.lidars,
             nugget_m: self.settings.nugget_m,
             slope_sigma: self.settings.slope_sigma,
         }
