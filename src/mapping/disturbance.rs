@@ -63,7 +63,6 @@ const MIXED_RATIO: f64 = 0.25;
 const FLIGHT_GAP_S: f64 = 60.0;
 /// More levels than this a cell does not get; later hits are left to the gates of the solve.
 const MOST_LEVELS: usize = 6;
-const NO_LEVEL: u8 = u8::MAX;
 /// A hit that fewer of the 24 cells around confirm is a stray one.
 const LEAST_CONFIRMED: usize = 2;
 
@@ -85,25 +84,31 @@ pub struct Flagged {
     cells: BTreeMap<usize, u32>,
 }
 
-/// What the judgement needs to know.
-#[derive(Debug, Clone, Copy)]
-pub struct Judge<'a> {
-    /// The nodes; walls in them separate.
-    pub lattice: &'a Lattice,
-    /// Roughness below the cell size, m.
-    pub nugget_m: f64,
-    /// Standard deviation `σ_t` of the slope.
-    pub slope_sigma: f64,
+/// The levels of all cells, kept turn by turn.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Levels {
+    grid: GridGeometry,
+    nugget_m: f64,
+    slope_sigma: f64,
+    /// The first level of each cell; without beams where there is none.
+    first: Vec<Level>,
+    /// The second and later levels of the few cells that have them.
+    more: BTreeMap<usize, Vec<Level>>,
+    n_turns: u32,
+    /// Time of the newest turn since the first, with a pause between flights, s, …
+    now_s: f64,
+    /// … and by its own clock.
+    previous_s: Option<f64>,
 }
 
-/// Hits of one cell at about one height.
-#[derive(Debug, Clone, Copy)]
+/// Hits of one cell at about one height. Single precision holds a millimetre of height and of hours.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 struct Level {
-    height_m: f64,
-    place_m: [f64; 2],
-    n_beams: f64,
-    first_s: f64,
-    last_s: f64,
+    height_m: f32,
+    place_m: [f32; 2],
+    n_beams: f32,
+    first_s: f32,
+    last_s: f32,
     n_turns: u32,
     last_turn: u32,
     /// Turns that saw a lower level of the cell too.
@@ -169,140 +174,108 @@ fn around(grid: &GridGeometry, cell: usize, reach: usize) -> impl Iterator<Item 
         .filter(move |other| *other != cell)
 }
 
-impl Judge<'_> {
-    /// Leaves out what moved through the turns, which are in their order of time, flight by flight.
+impl Levels {
+    /// No turn yet. `nugget_m` is the roughness below the cell size, m, `slope_sigma` the standard
+    /// deviation `σ_t` of the slope.
     #[must_use]
-    pub fn judge(&self, footprints: &[Arc<Footprint>]) -> Undisturbed {
-        let mut cells = Cells::new(*self.lattice.grid());
-        let times_s = times_s(footprints);
-        let assigned: Vec<Vec<u8>> = std::iter::zip(footprints, &times_s)
-            .enumerate()
-            .map(|(turn, (footprint, at_s))| self.assign(&mut cells, footprint, (turn, *at_s)))
-            .collect();
-        let foreign = cells.foreign();
-        let flagged = cells.flagged(&foreign);
-        let left_out: BTreeSet<LevelKey> =
-            foreign.into_iter().chain(cells.strays(SLOPE_SIGMAS * self.slope_sigma)).collect();
-        let mut n_beams_left_out = 0;
-        let mut without = |(footprint, levels): (&Arc<Footprint>, &Vec<u8>)| {
-            let is_left_out = |(patch, level): (&Patch, &u8)| {
-                let key = |cell| (cell, usize::from(*level));
-                self.cell_of(patch).is_some_and(|cell| left_out.contains(&key(cell)))
-            };
-            let (out, kept): (Vec<_>, Vec<_>) =
-                std::iter::zip(&footprint.patches, levels).partition(|of| is_left_out(*of));
-            if out.is_empty() {
-                return Arc::clone(footprint);
-            }
-            n_beams_left_out += out.iter().map(|(patch, _)| u64::from(patch.n_beams)).sum::<u64>();
-            let patches = kept.into_iter().map(|(patch, _)| *patch).collect();
-            Arc::new(Footprint {
-                error: footprint.error.clone(),
-                hall_from_body: footprint.hall_from_body,
-                lidar_idx: footprint.lidar_idx,
-                patches,
-            })
-        };
-        let footprints = std::iter::zip(footprints, &assigned).map(&mut without).collect();
-        Undisturbed { footprints, flagged, n_beams_left_out }
+    pub fn new(grid: &GridGeometry, nugget_m: f64, slope_sigma: f64) -> Self {
+        Self {
+            grid: *grid,
+            nugget_m,
+            slope_sigma,
+            first: vec![Level::default(); grid.n_cells()],
+            more: BTreeMap::new(),
+            n_turns: 0,
+            now_s: 0.0,
+            previous_s: None,
+        }
     }
 
-    /// The cell that a patch says something of; none behind a wall from the cell's own node.
-    fn cell_of(&self, patch: &Patch) -> Option<usize> {
-        let place = patch.place();
-        let cell = self.lattice.grid().cell_at(place.x, place.y)?;
-        let row = self.lattice.row_at(place.x, place.y)?;
-        let node = self.lattice.node_of_cell(cell);
-        let sees = |(of_row, weight): (u32, f64)| of_row as usize == node && weight > 0.0;
-        std::iter::zip(row.nodes, row.weights).any(sees).then_some(cell)
-    }
-
-    /// Sorts the patches of a turn into the levels of their cells; the level of each.
-    #[expect(
-        clippy::cast_possible_truncation,
-        reason = "at most six levels, fewer turns than 2^32"
-    )]
-    fn assign(
-        &self,
-        cells: &mut Cells,
-        footprint: &Footprint,
-        (turn, at_s): (usize, f64),
-    ) -> Vec<u8> {
-        let cov = &footprint.error.cov;
+    /// Takes in the next turn, flight by flight in the order of time, and notes the level of each of
+    /// its patches in it. Walls in the lattice separate.
+    pub fn take(&mut self, lattice: &Lattice, turn: &mut Footprint) {
+        let at_s = turn.error.at.seconds();
+        let since_s = self.previous_s.map_or(0.0, |previous_s| at_s - previous_s);
+        self.previous_s = Some(at_s);
+        let is_same_flight = (0.0..=FLIGHT_GAP_S).contains(&since_s);
+        self.now_s += if is_same_flight { since_s } else { FLIGHT_GAP_S };
+        self.n_turns += 1;
+        let cov = &turn.error.cov;
         let flat_var_m2 = self.nugget_m.powi(2)
             + cov[(2, 2)]
             + self.slope_sigma.powi(2) * (cov[(0, 0)] + cov[(1, 1)]);
         let attitude_var = cov[(3, 3)] + cov[(4, 4)] + cov[(5, 5)];
-        let sort = |patch: &Patch| {
-            let Some(cell) = self.cell_of(patch) else { return NO_LEVEL };
+        let mut mixable = BTreeSet::new();
+        for patch in &mut turn.patches {
+            patch.level = Patch::NO_LEVEL;
+            let Some(cell) = cell_of(lattice, patch) else { continue };
             let var_m2 = flat_var_m2 + attitude_var * patch.arm().norm_squared();
             // Two hits, each with this variance.
-            let least_m = (GATE_SIGMAS * (2.0 * var_m2).max(0.0).sqrt())
-                .max(GATE_CELLS * self.lattice.spacing_m());
-            let slope = SLOPE_SIGMAS * self.slope_sigma;
-            let level = cells.sort(cell, patch, (least_m, slope), (turn as u32, at_s));
-            level.map_or(NO_LEVEL, |level| level as u8)
-        };
-        let levels: Vec<u8> = footprint.patches.iter().map(sort).collect();
-        cells.note_mixed(
-            std::iter::zip(&footprint.patches, &levels)
-                .filter_map(|(patch, level)| Some((self.cell_of(patch)?, usize::from(*level)))),
-        );
-        levels
+            let least_m =
+                (GATE_SIGMAS * (2.0 * var_m2).max(0.0).sqrt()).max(GATE_CELLS * self.grid.cell_m);
+            let Some(level) = self.sort(cell, patch, least_m) else { continue };
+            patch.level = level;
+            if self.more.contains_key(&cell) {
+                mixable.insert((cell, usize::from(level)));
+            }
+        }
+        self.note_mixed(&mixable);
     }
-}
 
-/// When each turn was taken, s since the first, with a long pause between flights.
-fn times_s(footprints: &[Arc<Footprint>]) -> Vec<f64> {
-    let mut now_s = 0.0;
-    let mut previous = None;
-    let mut time_s = |footprint: &Arc<Footprint>| {
-        let at_s = footprint.error.at.seconds();
-        let since_s = previous.map_or(0.0, |previous: f64| at_s - previous);
-        previous = Some(at_s);
-        now_s += if (0.0..=FLIGHT_GAP_S).contains(&since_s) { since_s } else { FLIGHT_GAP_S };
-        now_s
-    };
-    footprints.iter().map(&mut time_s).collect()
-}
-
-/// The levels of all cells.
-struct Cells {
-    grid: GridGeometry,
-    /// Where each cell's levels begin in `more`, or its only one.
-    first: Vec<Option<Level>>,
-    /// The second and later levels of the few cells that have them.
-    more: BTreeMap<usize, Vec<Level>>,
-}
-
-impl Cells {
-    fn new(grid: GridGeometry) -> Self {
-        Self { grid, first: vec![None; grid.n_cells()], more: BTreeMap::new() }
+    /// Leaves out what moved through these turns, which are those that were taken in.
+    #[must_use]
+    pub fn judge(&self, footprints: &[Arc<Footprint>]) -> Undisturbed {
+        let foreign = self.foreign();
+        let flagged = self.flagged(&foreign);
+        let left_out: BTreeSet<LevelKey> = foreign.into_iter().chain(self.strays()).collect();
+        let mut is_affected = vec![false; self.grid.n_cells()];
+        left_out.iter().for_each(|(cell, _)| is_affected[*cell] = true);
+        let is_left_out = |patch: &&Patch| {
+            let place = patch.place();
+            patch.level != Patch::NO_LEVEL
+                && self.grid.cell_at(place.x, place.y).is_some_and(|cell| {
+                    is_affected[cell] && left_out.contains(&(cell, usize::from(patch.level)))
+                })
+        };
+        let mut n_beams_left_out = 0;
+        let mut without = |footprint: &Arc<Footprint>| {
+            let (out, kept): (Vec<&Patch>, Vec<&Patch>) =
+                footprint.patches.iter().partition(is_left_out);
+            if out.is_empty() {
+                return Arc::clone(footprint);
+            }
+            n_beams_left_out += out.iter().map(|patch| u64::from(patch.n_beams)).sum::<u64>();
+            Arc::new(Footprint {
+                error: footprint.error.clone(),
+                hall_from_body: footprint.hall_from_body,
+                lidar_idx: footprint.lidar_idx,
+                patches: kept.into_iter().copied().collect(),
+            })
+        };
+        let footprints = footprints.iter().map(&mut without).collect();
+        Undisturbed { footprints, flagged, n_beams_left_out }
     }
 
     fn levels(&self, cell: usize) -> impl Iterator<Item = (usize, &Level)> {
-        self.first[cell].iter().chain(self.more.get(&cell).into_iter().flatten()).enumerate()
+        let first = Some(&self.first[cell]).filter(|level| level.n_beams > 0.0);
+        first.into_iter().chain(self.more.get(&cell).into_iter().flatten()).enumerate()
     }
 
     fn level_mut(&mut self, (cell, level): LevelKey) -> Option<&mut Level> {
         match level.checked_sub(1) {
-            None => self.first[cell].as_mut(),
+            None => self.first.get_mut(cell),
             Some(later) => self.more.get_mut(&cell)?.get_mut(later),
         }
     }
 
-    /// Puts a patch into the level of its cell that it fits best, or into a new one.
-    fn sort(
-        &mut self,
-        cell: usize,
-        patch: &Patch,
-        (least_m, slope): (f64, f64),
-        (turn, at_s): (u32, f64),
-    ) -> Option<usize> {
-        let place = patch.place();
-        let off_m = |level: &Level| (level.height_m - place.z).abs();
+    /// Puts a patch into the level of its cell that it fits best, or into a new one; which.
+    #[expect(clippy::cast_possible_truncation, reason = "at most six levels")]
+    fn sort(&mut self, cell: usize, patch: &Patch, least_m: f64) -> Option<u8> {
+        let [x, y, z] = patch.place_m;
+        let off_m = |level: &Level| f64::from((level.height_m - z).abs());
+        let slope = SLOPE_SIGMAS * self.slope_sigma;
         let fits = |level: &Level| {
-            let way_m = (level.place_m[0] - place.x).hypot(level.place_m[1] - place.y);
+            let way_m = f64::from((level.place_m[0] - x).hypot(level.place_m[1] - y));
             off_m(level) <= least_m + slope * way_m
         };
         let best = self
@@ -310,32 +283,31 @@ impl Cells {
             .filter(|(_, level)| fits(level))
             .min_by(|(_, a), (_, b)| off_m(a).total_cmp(&off_m(b)))
             .map(|(index, _)| index);
+        let (turn, now_s) = (self.n_turns, self.now_s as f32);
         if let Some(index) = best {
-            self.level_mut((cell, index))?.add(patch, turn, at_s);
-            return Some(index);
+            self.level_mut((cell, index))?.add(patch, turn, now_s);
+            return Some(index as u8);
         }
         let index = self.levels(cell).count();
-        let fresh = Level::of(patch, turn, at_s);
+        let mut fresh = Level { first_s: now_s, ..Level::default() };
+        fresh.add(patch, turn, now_s);
         match index {
-            0 => self.first[cell] = Some(fresh),
+            0 => self.first[cell] = fresh,
             MOST_LEVELS.. => return None,
             _ => self.more.entry(cell).or_default().push(fresh),
         }
-        Some(index)
+        Some(index as u8)
     }
 
-    /// Counts, for the patches of one turn, the levels that were seen together with a lower one.
-    fn note_mixed(&mut self, of_turn: impl Iterator<Item = LevelKey>) {
-        let seen: BTreeSet<LevelKey> =
-            of_turn.filter(|(cell, _)| self.more.contains_key(cell)).collect();
-        for &(cell, level) in &seen {
+    /// Counts, among what one turn saw of cells with several levels, those over a lower one.
+    fn note_mixed(&mut self, seen: &BTreeSet<LevelKey>) {
+        for &(cell, level) in seen {
             let height_m = |level: usize| {
-                self.levels(cell).nth(level).map_or(f64::INFINITY, |(_, level)| level.height_m)
+                self.levels(cell).nth(level).map_or(f32::INFINITY, |(_, level)| level.height_m)
             };
             let own_m = height_m(level);
-            let is_mixed = seen
-                .range((cell, 0)..=(cell, MOST_LEVELS))
-                .any(|(_, other)| height_m(*other) < own_m);
+            let of_cell = (cell, 0)..=(cell, MOST_LEVELS);
+            let is_mixed = seen.range(of_cell).any(|(_, other)| height_m(*other) < own_m);
             if is_mixed && let Some(level) = self.level_mut((cell, level)) {
                 level.n_mixed += 1;
             }
@@ -368,7 +340,7 @@ impl Cells {
     /// Levels that many neighbours have at the same time.
     fn recognised(&self) -> Vec<(LevelKey, Span)> {
         let candidates = self.candidates();
-        let together_m = TOGETHER_CELLS * self.grid.cell_m;
+        let together_m = self.together_m();
         let agrees = |cell: usize, span: &Span| {
             let others = candidates.get(&cell).into_iter().flatten();
             others.map(|(_, other)| other).any(|other| {
@@ -387,6 +359,10 @@ impl Cells {
         candidates.iter().flat_map(of_cell).collect()
     }
 
+    fn together_m(&self) -> f64 {
+        TOGETHER_CELLS * self.grid.cell_m
+    }
+
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
@@ -398,7 +374,7 @@ impl Cells {
 
     /// The levels of a cell that were seen only while recognised things were near.
     fn at_rim(&self, cell: usize, things: &[Span]) -> impl Iterator<Item = usize> {
-        let together_m = TOGETHER_CELLS * self.grid.cell_m;
+        let together_m = self.together_m();
         let ground = self.ground(cell, |_| false).map(|(index, _)| index);
         let all = things.iter().copied().reduce(|a, b| Span {
             first_s: a.first_s.min(b.first_s),
@@ -419,13 +395,13 @@ impl Cells {
     }
 
     /// Levels above the ground, or of a single turn, that hardly a ground around confirms.
-    fn strays(&self, slope: f64) -> BTreeSet<LevelKey> {
-        let least_m = TOGETHER_CELLS * self.grid.cell_m;
+    fn strays(&self) -> BTreeSet<LevelKey> {
+        let (least_m, slope) = (self.together_m(), SLOPE_SIGMAS * self.slope_sigma);
         let confirms = |neighbour: usize, level: &Level| {
             self.ground(neighbour, |_| false).is_some_and(|(_, other)| {
-                let way_m = (level.place_m[0] - other.place_m[0])
-                    .hypot(level.place_m[1] - other.place_m[1]);
-                (level.height_m - other.height_m).abs() <= least_m + slope * way_m
+                let [dx, dy] = [0, 1].map(|k| level.place_m[k] - other.place_m[k]);
+                let off_m = f64::from((level.height_m - other.height_m).abs());
+                off_m <= least_m + slope * f64::from(dx.hypot(dy))
             })
         };
         let is_confirmed = |cell: usize, level: &Level| {
@@ -477,30 +453,26 @@ impl Cells {
     }
 }
 
-impl Level {
-    fn of(patch: &Patch, turn: u32, at_s: f64) -> Self {
-        let place = patch.place();
-        Self {
-            height_m: place.z,
-            place_m: [place.x, place.y],
-            n_beams: f64::from(patch.n_beams),
-            first_s: at_s,
-            last_s: at_s,
-            n_turns: 1,
-            last_turn: turn,
-            n_mixed: 0,
-        }
-    }
+/// The cell that a patch says something of; none behind a wall from the cell's own node.
+fn cell_of(lattice: &Lattice, patch: &Patch) -> Option<usize> {
+    let place = patch.place();
+    let cell = lattice.grid().cell_at(place.x, place.y)?;
+    let row = lattice.row_at(place.x, place.y)?;
+    let node = lattice.node_of_cell(cell);
+    let sees = |(of_row, weight): (u32, f64)| of_row as usize == node && weight > 0.0;
+    std::iter::zip(row.nodes, row.weights).any(sees).then_some(cell)
+}
 
-    fn add(&mut self, patch: &Patch, turn: u32, at_s: f64) {
-        let place = patch.place();
-        let n = f64::from(patch.n_beams);
+impl Level {
+    fn add(&mut self, patch: &Patch, turn: u32, now_s: f32) {
+        let [x, y, z] = patch.place_m;
+        let n = f32::from(patch.n_beams);
         let share = n / (self.n_beams + n);
-        self.height_m += share * (place.z - self.height_m);
-        self.place_m[0] += share * (place.x - self.place_m[0]);
-        self.place_m[1] += share * (place.y - self.place_m[1]);
+        self.height_m += share * (z - self.height_m);
+        self.place_m[0] += share * (x - self.place_m[0]);
+        self.place_m[1] += share * (y - self.place_m[1]);
         self.n_beams += n;
-        self.last_s = at_s;
+        self.last_s = now_s;
         self.n_turns += u32::from(self.last_turn != turn);
         self.last_turn = turn;
     }
@@ -509,8 +481,12 @@ impl Level {
         f64::from(self.n_mixed) <= MIXED_RATIO * f64::from(self.n_turns)
     }
 
-    const fn span(&self) -> Span {
-        Span { height_m: self.height_m, first_s: self.first_s, last_s: self.last_s }
+    fn span(&self) -> Span {
+        Span {
+            height_m: self.height_m.into(),
+            first_s: self.first_s.into(),
+            last_s: self.last_s.into(),
+        }
     }
 }
 

@@ -13,7 +13,7 @@
 use super::bay::BayOnGrid;
 use super::budget::{CalibrationSigmas, data_budgets};
 use super::datum::{Linearization, Turn};
-use super::disturbance::{Flagged, Judge, Undisturbed};
+use super::disturbance::{Flagged, Levels, Undisturbed};
 use super::footprint::Footprint;
 use super::grid_map::Bays;
 use super::mapper::SolvedSurface;
@@ -81,18 +81,21 @@ pub struct NewestField {
 pub struct FieldMap {
     setup: Arc<Setup>,
     footprints: Vec<Arc<Footprint>>,
+    levels: Arc<Levels>,
     newest: Option<Arc<NewestField>>,
 }
 
 impl FieldMap {
     /// A map without a turn.
     #[must_use]
-    pub const fn new(setup: Arc<Setup>) -> Self {
-        Self { setup, footprints: Vec::new(), newest: None }
+    pub fn new(setup: Arc<Setup>) -> Self {
+        let levels = setup.levels();
+        Self { setup, footprints: Vec::new(), levels, newest: None }
     }
 
     /// Takes in a turn.
-    pub fn push(&mut self, footprint: Footprint) {
+    pub fn push(&mut self, mut footprint: Footprint) {
+        Arc::make_mut(&mut self.levels).take(&self.setup.lattice, &mut footprint);
         self.footprints.push(Arc::new(footprint));
     }
 
@@ -110,6 +113,7 @@ impl FieldMap {
     /// Forgets all turns and surfaces.
     pub fn restart(&mut self) {
         self.footprints.clear();
+        self.levels = self.setup.levels();
         self.newest = None;
     }
 
@@ -144,6 +148,7 @@ impl FieldMap {
             at,
             setup: Arc::clone(&self.setup),
             footprints: self.footprints.clone(),
+            levels: Arc::clone(&self.levels),
             newest: self.newest.clone(),
             is_final,
         }
@@ -156,6 +161,7 @@ pub struct SolveField {
     at: Stamp<Mono>,
     setup: Arc<Setup>,
     footprints: Vec<Arc<Footprint>>,
+    levels: Arc<Levels>,
     newest: Option<Arc<NewestField>>,
     is_final: bool,
 }
@@ -184,7 +190,7 @@ impl SolveField {
     /// # Errors
     /// [`FieldError`] from the field.
     pub fn run(&self) -> Result<SolvedSurface, FieldError> {
-        let turns = self.setup.judge().judge(&self.footprints);
+        let turns = self.levels.judge(&self.footprints);
         // The first solution of all has no slopes to start from.
         let n_rounds =
             if self.is_final { FINAL_ROUNDS } else { 1 + usize::from(self.newest.is_none()) };
@@ -313,10 +319,10 @@ impl Setup {
         SeenCells::new(grid, &is_seen, flagged.clone())
     }
 
-    /// Who knows what moved.
-    fn judge(&self) -> Judge<'_> {
+    /// Nothing seen, so nothing moved.
+    fn levels(&self) -> Arc<Levels> {
         let Settings { nugget_m, slope_sigma, .. } = self.settings;
-        Judge { lattice: &self.lattice, nugget_m, slope_sigma }
+        Arc::new(Levels::new(self.lattice.grid(), nugget_m, slope_sigma))
     }
 
     /// What a patch is worth beside the newest surface.

@@ -23,6 +23,8 @@ pub struct Patch {
     pub arm_m: [f32; 3],
     /// Number of beams.
     pub n_beams: u16,
+    /// Which level of its cell it is of: see [`disturbance`](super::disturbance).
+    pub level: u8,
 }
 
 /// One turn of the scanner over the material.
@@ -128,11 +130,15 @@ impl Gathering {
             place_m: (self.place_sum / n).map(|c| c as f32).into(),
             arm_m: (self.arm_sum / n).map(|c| c as f32).into(),
             n_beams: self.n_beams,
+            level: Patch::NO_LEVEL,
         }
     }
 }
 
 impl Patch {
+    /// The level of a patch that was not sorted yet, or is of no cell.
+    pub const NO_LEVEL: u8 = u8::MAX;
+
     /// Mean of the hits in the hall, m.
     #[must_use]
     pub fn place(&self) -> Vector3<f64> {

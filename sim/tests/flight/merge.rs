@@ -29,8 +29,7 @@ fn flown(folder: &Path, seed: u64) -> PathBuf {
     let scenario = scenario(seed);
     let config = field_config(&scenario);
     let path = folder.join(format!("flight-{seed}.mcap"));
-    let header =
-        LogHeader { config_toml: config.to_toml().expect("TOML"), ..LogHeader::default() };
+    let header = LogHeader { config_toml: config.to_toml().expect("TOML"), ..LogHeader::default() };
     let mut recorder = Recorder::create(&path, &header).expect("a log").waiting();
     let mut flight = DirectFlight::with_config(&scenario, &config).expect("a flight");
     while flight.summary().is_none() && flight.rig.now().seconds() < 300.0 {
@@ -62,7 +61,8 @@ fn logs_merge_into_the_joint_survey_and_compare_with_each_other() {
     let folder = tempfile::tempdir().expect("a folder");
     let [first, second] = std::thread::scope(|scope| {
         let path = folder.path();
-        [21, 22].map(|seed| scope.spawn(move || flown(path, seed)))
+        [21, 22]
+            .map(|seed| scope.spawn(move || flown(path, seed)))
             .map(|flight| flight.join().expect("no panic"))
     });
 
@@ -132,8 +132,7 @@ fn with_config(log: &Path, folder: &Path, change: impl Fn(&mut Config)) -> PathB
     change(&mut config);
     let n_before = std::fs::read_dir(folder).expect("a folder").count();
     let path = folder.join(format!("changed-{n_before}.mcap"));
-    let header =
-        LogHeader { config_toml: config.to_toml().expect("TOML"), ..LogHeader::default() };
+    let header = LogHeader { config_toml: config.to_toml().expect("TOML"), ..LogHeader::default() };
     let mut recorder = Recorder::create(&path, &header).expect("a log").waiting();
     for item in items {
         if let LogItem::Event { at, event: RecordedEvent::Plain(event) } = item {

@@ -131,6 +131,7 @@ fn footprint(turn: usize, wrong: &Wrong) -> Footprint {
             place_m: (believed * arm).coords.map(|c| c as f32).into(),
             arm_m: arm.coords.map(|c| c as f32).into(),
             n_beams: 1,
+            level: Patch::NO_LEVEL,
         })
         .collect();
     Footprint {

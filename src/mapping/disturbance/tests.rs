@@ -48,7 +48,12 @@ fn leg(start_s: f64, height_m: impl Fn(f64, f64) -> f64) -> Vec<Arc<Footprint>> 
         let patches = (0..68_u32).map(|j| {
             let y = 0.06 + 0.1 * f64::from(j);
             let place_m = [x, y, height_m(x, y)].map(|c| c as f32);
-            Patch { place_m, arm_m: [0.0, (y - 3.5) as f32, place_m[2] - 7.0], n_beams: 1 }
+            Patch {
+                place_m,
+                arm_m: [0.0, (y - 3.5) as f32, place_m[2] - 7.0],
+                n_beams: 1,
+                level: Patch::NO_LEVEL,
+            }
         });
         let error = PoseError {
             at,
@@ -74,8 +79,14 @@ fn with(thing: Thing, start_s: f64) -> Vec<Arc<Footprint>> {
 
 fn judged(legs: &[Vec<Arc<Footprint>>]) -> Undisturbed {
     let lattice = lattice();
-    let judge = Judge { lattice: &lattice, nugget_m: 0.02, slope_sigma: 0.6 };
-    judge.judge(&legs.concat())
+    let mut levels = Levels::new(lattice.grid(), 0.02, 0.6);
+    let take = |turn: &Arc<Footprint>| {
+        let mut turn = Footprint::clone(turn);
+        levels.take(&lattice, &mut turn);
+        Arc::new(turn)
+    };
+    let turns: Vec<_> = legs.iter().flatten().map(take).collect();
+    levels.judge(&turns)
 }
 
 /// Beams that hit the thing and are still there, and beams that hit the ground and are not.
