@@ -16,8 +16,8 @@
 //! 1. Hits within `max(6σ, 1.5 cells) + 2 σ_t · distance` of each other are one *level*. The lowest is
 //!    the ground: what comes or goes stands on it.
 //! 2. A higher level is *foreign* if no turn saw it together with the ground, and at least
-//!    four of the 24 cells around have such a level within 2 s and two cells of height. So are, within
-//!    1 m and 2 s of it, higher levels at its rim, and equally high ones over ground that no
+//!    four neighbours (cells within two cells, or 0.5 m) have such a level within 2 s and two cells, or
+//!    0.5 m, of height. So are, within 1 m and 2 s of it, higher levels at its rim, and equally high ones over ground that no
 //!    turn saw.
 //! 3. Foreign hits are no data, and do not move the surface: the ground keeps what was measured of
 //!    it before or after.
@@ -29,7 +29,8 @@
 //!    one (dust, a mixed pixel) and left out from the start: two hits and one from far above have a
 //!    mean that refuses all three.
 //!
-//! Material that is added in flight is thus left out and flagged; material that is taken away counts
+//! A map that is shifted down for a while, by a wrong pose, counts as ground too: nothing here knows
+//! better. Material that is added in flight is thus left out and flagged; material that is taken away counts
 //! as it is at the end. What stands still for the whole flight cannot be told from material: that is
 //! what exclusions are for.
 //!
@@ -49,11 +50,14 @@ const GATE_CELLS: f64 = 1.5;
 const SLOPE_SIGMAS: f64 = 2.0;
 /// Contradictions belong together within this time, s, …
 const TOGETHER_S: f64 = 2.0;
-/// … and this difference of height, in cells.
+/// … and this difference of height, in cells, or at least in m.
 const TOGETHER_CELLS: f64 = 2.0;
-/// Neighbours are looked for this far, in cells, …
-const NEIGHBOUR_CELLS: usize = 2;
-/// … and so many of the 24 must agree.
+const TOGETHER_M: f64 = 0.5;
+/// Neighbours are looked for this far, in cells, or at least in m: beams and turns are that far apart
+/// whatever the cells, …
+const NEIGHBOUR_CELLS: f64 = 2.0;
+const NEIGHBOUR_M: f64 = 0.5;
+/// … and so many must agree.
 const LEAST_NEIGHBOURS: usize = 4;
 /// The rim of a thing reaches this far from where it was recognised, m.
 const RIM_M: f64 = 1.0;
@@ -63,7 +67,7 @@ const MIXED_RATIO: f64 = 0.25;
 const FLIGHT_GAP_S: f64 = 60.0;
 /// More levels than this a cell does not get; later hits are left to the gates of the solve.
 const MOST_LEVELS: usize = 6;
-/// A hit that fewer of the 24 cells around confirm is a stray one.
+/// A hit that fewer of its neighbours confirm is a stray one.
 const LEAST_CONFIRMED: usize = 2;
 
 /// The turns of a map without what moved through them.
@@ -348,7 +352,7 @@ impl Levels {
             })
         };
         let is_recognised = |cell: usize, span: &Span| {
-            let cells = around(&self.grid, cell, NEIGHBOUR_CELLS);
+            let cells = around(&self.grid, cell, self.neighbour_cells());
             let agreeing = cells.filter(|neighbour| agrees(*neighbour, span));
             agreeing.take(LEAST_NEIGHBOURS).count() == LEAST_NEIGHBOURS
         };
@@ -360,7 +364,15 @@ impl Levels {
     }
 
     fn together_m(&self) -> f64 {
-        TOGETHER_CELLS * self.grid.cell_m
+        (TOGETHER_CELLS * self.grid.cell_m).max(TOGETHER_M)
+    }
+
+    fn rim_cells(&self) -> usize {
+        self.whole_cells(RIM_M)
+    }
+
+    fn neighbour_cells(&self) -> usize {
+        self.whole_cells((NEIGHBOUR_CELLS * self.grid.cell_m).max(NEIGHBOUR_M))
     }
 
     #[expect(
@@ -368,8 +380,8 @@ impl Levels {
         clippy::cast_sign_loss,
         reason = "a few cells, and positive"
     )]
-    fn rim_cells(&self) -> usize {
-        (RIM_M / self.grid.cell_m).ceil() as usize
+    fn whole_cells(&self, way_m: f64) -> usize {
+        (way_m / self.grid.cell_m - 1e-9).ceil() as usize
     }
 
     /// The levels of a cell that were seen only while recognised things were near.
@@ -405,7 +417,7 @@ impl Levels {
             })
         };
         let is_confirmed = |cell: usize, level: &Level| {
-            let cells = around(&self.grid, cell, NEIGHBOUR_CELLS);
+            let cells = around(&self.grid, cell, self.neighbour_cells());
             let confirming = cells.filter(|neighbour| confirms(*neighbour, level));
             confirming.take(LEAST_CONFIRMED).count() == LEAST_CONFIRMED
         };
