@@ -14,7 +14,8 @@
 //! The rules, for each cell:
 //!
 //! 1. Hits within `max(6σ, 1.5 cells) + 2 σ_t · distance` of each other are one *level*. The lowest is
-//!    the ground: what comes or goes stands on it.
+//!    the ground, for what comes or goes stands on it: the lowest of those that at least half as many
+//!    turns saw as any other, so that a few wrong poses do not dig holes.
 //! 2. A higher level is *foreign* if no turn saw it together with the ground, and at least
 //!    four neighbours (cells within two cells, or 0.5 m) have such a level within 2 s and two cells, or
 //!    0.5 m, of height. So are, within 1 m and 2 s of it, higher levels at its rim, and equally high ones over ground that no
@@ -25,13 +26,13 @@
 //!    it is *frozen* and flagged: its ground may have changed since, and it counts as disturbed, not
 //!    as measured. A cell without any ground is flagged too.
 //!
-//! 5. A hit far above its cell's other hits, or alone in it, that no ground around confirms, is a *stray*
+//! 5. A hit far from its cell's ground, or alone in it, that no ground around confirms, is a *stray*
 //!    one (dust, a mixed pixel) and left out from the start: two hits and one from far above have a
 //!    mean that refuses all three.
 //!
 //! A map that is shifted down for a while, by a wrong pose, counts as ground too: nothing here knows
 //! better. Material that is added in flight is thus left out and flagged; material that is taken away counts
-//! as it is at the end. What stands still for the whole flight cannot be told from material: that is
+//! as it is at the end. What stands still for most of the flight cannot be told from material: that is
 //! what exclusions are for.
 //!
 //! Checked: `tests`, with a machine of known heights and times.
@@ -63,6 +64,8 @@ const LEAST_NEIGHBOURS: usize = 4;
 const RIM_M: f64 = 1.0;
 /// Of a level's turns so many may have seen the ground too: those when a thing came or left.
 const MIXED_RATIO: f64 = 0.25;
+/// The ground has at least this share of the turns of the level that most turns saw.
+const GROUND_RATIO: f64 = 0.5;
 /// Turns farther apart, or against time, belong to different flights.
 const FLIGHT_GAP_S: f64 = 60.0;
 /// More levels than this a cell does not get; later hits are left to the gates of the solve.
@@ -318,11 +321,18 @@ impl Levels {
         }
     }
 
-    /// The lowest level of a cell.
+    /// The lowest level of a cell among those that many turns saw.
     fn ground(&self, cell: usize, is_foreign: impl Fn(usize) -> bool) -> Option<(usize, &Level)> {
-        self.levels(cell)
-            .filter(|(index, _)| !is_foreign(*index))
+        let levels = || self.levels(cell).filter(|(index, _)| !is_foreign(*index));
+        let most = levels().map(|(_, level)| level.n_turns).max()?;
+        levels()
+            .filter(|(_, level)| f64::from(level.n_turns) >= GROUND_RATIO * f64::from(most))
             .min_by(|(_, a), (_, b)| a.height_m.total_cmp(&b.height_m))
+    }
+
+    /// Height of the cell's ground, m; infinite without one.
+    fn ground_m(&self, cell: usize) -> f32 {
+        self.ground(cell, |_| false).map_or(f32::INFINITY, |(_, level)| level.height_m)
     }
 
     /// The levels that are of things.
@@ -387,7 +397,8 @@ impl Levels {
     /// The levels of a cell that were seen only while recognised things were near.
     fn at_rim(&self, cell: usize, things: &[Span]) -> impl Iterator<Item = usize> {
         let together_m = self.together_m();
-        let ground = self.ground(cell, |_| false).map(|(index, _)| index);
+        let (ground, ground_m) =
+            (self.ground(cell, |_| false).map(|(index, _)| index), self.ground_m(cell));
         let all = things.iter().copied().reduce(|a, b| Span {
             first_s: a.first_s.min(b.first_s),
             last_s: a.last_s.max(b.last_s),
@@ -395,10 +406,12 @@ impl Levels {
         });
         self.levels(cell).filter_map(move |(index, level)| {
             let span = level.span();
-            let is_thing = if Some(index) == ground {
-                things.iter().any(|thing| {
-                    span.is_within(thing) && (span.height_m - thing.height_m).abs() <= together_m
-                })
+            let is_thing = if level.height_m <= ground_m {
+                Some(index) == ground
+                    && things.iter().any(|thing| {
+                        span.is_within(thing)
+                            && (span.height_m - thing.height_m).abs() <= together_m
+                    })
             } else {
                 all.is_some_and(|all| span.is_within(&all))
             };
@@ -406,7 +419,7 @@ impl Levels {
         })
     }
 
-    /// Levels above the ground, or of a single turn, that hardly a ground around confirms.
+    /// Levels off the ground, or of a single turn, that hardly a ground around confirms.
     fn strays(&self) -> BTreeSet<LevelKey> {
         let (least_m, slope) = (self.together_m(), SLOPE_SIGMAS * self.slope_sigma);
         let confirms = |neighbour: usize, level: &Level| {
@@ -437,9 +450,9 @@ impl Levels {
     /// Levels over a ground that no turn saw together with it, by cell.
     fn candidates(&self) -> BTreeMap<usize, Vec<(usize, Span)>> {
         let of_cell = |cell: usize| {
-            let ground = self.ground(cell, |_| false).map(|(index, _)| index);
+            let ground_m = self.ground_m(cell);
             self.levels(cell)
-                .filter(|(index, level)| Some(*index) != ground && level.is_clean())
+                .filter(|(_, level)| level.height_m > ground_m && level.is_clean())
                 .map(|(index, level)| (index, level.span()))
                 .collect::<Vec<_>>()
         };

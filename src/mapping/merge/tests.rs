@@ -6,7 +6,7 @@ use super::super::{SolvedSurface, field_map, grid_map};
 use super::*;
 use crate::geometry::{Body, Hall, Point, Rotation, Transform};
 use crate::mapping::budget::CalibrationSigmas;
-use crate::messages::{Beam, BudgetSource, PoseError, Scan};
+use crate::messages::{Beam, BudgetSource, PoseError, Scan, VolumeBudget};
 use crate::stats::SeedBook;
 use crate::time::{Mono, Stamp};
 use nalgebra::{Matrix6, SMatrix, Vector3};
@@ -38,6 +38,7 @@ fn settings() -> Settings {
         },
         grid: grid_map::Settings::default(),
         field: field_map::Settings {
+            range_m: 2.0,
             calibration: CalibrationSigmas {
                 range_bias_m: 0.01,
                 range_scale: 0.001,
@@ -208,27 +209,27 @@ fn what_is_shared_stays_shared_and_what_is_not_becomes_independent() {
     // The same ground twice over: once as two flights of a vehicle, once of two vehicles.
     let first = map_of(&settings, &scans);
     let second = map_of(&settings, &scans);
-    let var = |vehicle: usize, source: BudgetSource| {
+    let [shared, apart] = [0, 1].map(|vehicle| {
         let map = joined(&settings, &[(0, &first), (vehicle, &second)]).expect("fits");
-        solved(&map).accounts[0].budget.var_of_m6(source)
-    };
+        solved(&map).accounts.remove(0).budget
+    });
     let alone = solved(&first).accounts.remove(0).budget;
-    let shared = var(0, BudgetSource::RangeBias);
-    let apart = var(1, BudgetSource::RangeBias);
-    // Each flight has half of the weight: (½ + ½)² against (½)² + (½)².
-    assert!((apart / shared - 0.5).abs() < 0.01, "{apart} {shared}");
-    assert!((shared / alone.var_of_m6(BudgetSource::RangeBias) - 1.0).abs() < 0.01);
-    let mounting = |vehicle| var(vehicle, BudgetSource::LidarMounting);
-    assert!((mounting(1) / mounting(0) - 0.5).abs() < 0.01);
+    let ratio =
+        |a: &VolumeBudget, b: &VolumeBudget, source| a.var_of_m6(source) / b.var_of_m6(source);
+    for source in [BudgetSource::RangeBias, BudgetSource::LidarMounting] {
+        // Each flight has half of the weight: (½)² + (½)² against (½ + ½)².
+        assert!((ratio(&apart, &shared, source) - 0.5).abs() < 0.01, "{source:?}");
+        assert!((ratio(&shared, &alone, source) - 1.0).abs() < 0.02, "{source:?}");
+    }
     // Pose errors are new in every flight, of whatever vehicle.
-    let pose = var(0, BudgetSource::Pose) / alone.var_of_m6(BudgetSource::Pose);
-    assert!((pose - 0.5).abs() < 0.03, "{pose}");
-    let items = |vehicle: usize| {
-        let map = joined(&settings, &[(0, &first), (vehicle, &second)]).expect("fits");
-        let budget = solved(&map).accounts.remove(0).budget;
-        budget.shared.iter().filter(|s| s.source == BudgetSource::LidarMounting).count()
+    for both in [&shared, &apart] {
+        let pose = ratio(both, &alone, BudgetSource::Pose);
+        assert!((pose - 0.5).abs() < 0.03, "{pose}");
+    }
+    let n_mounting = |budget: &VolumeBudget| {
+        budget.shared.iter().filter(|item| item.source == BudgetSource::LidarMounting).count()
     };
-    assert_eq!((items(0), items(1)), (6, 12));
+    assert_eq!((n_mounting(&shared), n_mounting(&apart)), (6, 12));
 }
 
 #[test]
