@@ -28,7 +28,7 @@ pub struct Linearization<'a> {
     /// Nodes that rest on data: outliers are judged against these alone. Empty before the first
     /// solution.
     pub is_known: &'a [bool],
-    /// The LiDARs, by [`Footprint::lidar_idx`].
+    /// The mounted LiDAR of each vehicle, by [`Footprint::lidar_idx`].
     pub lidars: &'a [LidarMount],
     /// Roughness below the cell size `σ_ε`, m.
     pub nugget_m: f64,

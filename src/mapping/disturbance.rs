@@ -152,7 +152,6 @@ impl Flagged {
 
     /// Cells that touch, also by a corner, as areas; the largest first.
     #[must_use]
-    #[expect(clippy::cast_precision_loss, reason = "cell counts stay far below 2^53")]
     pub fn areas(&self, grid: &GridGeometry) -> Vec<DisturbedArea> {
         let mut left: BTreeSet<usize> = self.cells().collect();
         let mut areas = Vec::new();

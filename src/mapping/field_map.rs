@@ -61,7 +61,7 @@ pub struct Setup {
     pub settings: Settings,
     /// Nodes of the field.
     pub lattice: Arc<Lattice>,
-    /// The LiDARs; one, unless maps of several vehicles are merged.
+    /// The LiDAR of each vehicle; one, unless maps of several vehicles are merged.
     pub lidars: Vec<LidarMount>,
     /// What is measured: the whole region, then its bays.
     pub bays: Bays,
@@ -105,7 +105,7 @@ impl FieldMap {
         &self.footprints
     }
 
-    /// The same map with the LiDARs of several vehicles.
+    /// The same map with the LiDAR of each of several vehicles.
     pub(super) fn set_lidars(&mut self, lidars: Vec<LidarMount>) {
         Arc::make_mut(&mut self.setup).lidars = lidars;
     }

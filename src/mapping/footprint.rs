@@ -34,7 +34,7 @@ pub struct Footprint {
     pub error: PoseError,
     /// Pose at the middle of the turn.
     pub hall_from_body: Transform<Hall, Body>,
-    /// Which of the map's LiDARs took it: vehicles whose maps are merged have their own.
+    /// Which LiDAR of the map took it: vehicles whose maps are merged have their own.
     pub lidar_idx: usize,
     /// Its patches, in the order of the first beam of each.
     pub patches: Vec<Patch>,

@@ -57,7 +57,7 @@ pub enum MergeError {
         /// What differs.
         what: &'static str,
     },
-    /// Flights of one vehicle have differently mounted LiDARs, or numbers are left out.
+    /// The LiDAR is not that of the vehicle, or numbers are left out.
     #[error("flight {flight} is not of the vehicle that it names: its LiDAR is another")]
     Vehicle {
         /// Which flight, from 0.
