@@ -14,7 +14,7 @@
 //! | 6 | [`pilot`] | the brain: one event in, actions out, no I/O |
 //! | 7 | `link`, `lidar`, `camera`, `record` | feature `service`: the edges |
 //! | 8 | `config` | the file, checked and turned into the settings of all of them |
-//! | 9 | `service` | tasks, clock, supervision |
+//! | 9 | `service`, `survey` | tasks, clock, supervision; after the flight: merged maps, changes |
 
 pub mod units;
 
@@ -47,3 +47,5 @@ pub mod record;
 
 #[cfg(feature = "service")]
 pub mod service;
+#[cfg(feature = "service")]
+pub mod survey;

@@ -22,8 +22,8 @@ use crate::geometry::{Hall, Point};
 use crate::localization::{self, Health, Localizer};
 use crate::mapping::{self, Mapper, SolveError, SolvedSurface};
 use crate::messages::{
-    BatterySample, NavEstimate, OperatorAnswer, OperatorCommand, Scan, Severity, StatusText,
-    VehicleState, VolumeAccount,
+    BatterySample, DisturbedArea, NavEstimate, OperatorAnswer, OperatorCommand, Scan, Severity,
+    StatusText, VehicleState, VolumeAccount,
 };
 use crate::mission::{self, Effect, Inputs, Mission, Phase};
 use crate::planning;
@@ -63,6 +63,8 @@ const LIDAR_SILENT_AFTER: Duration = Duration::from_secs(2);
 const BATTERY_OLD_AFTER: Duration = Duration::from_secs(10);
 /// Scans wait at most this long for the pose at their end, and for the frames that shape it.
 const SCAN_PATIENCE: Duration = Duration::from_millis(300);
+/// Smaller disturbed areas are not told of, m².
+const LEAST_DISTURBED_M2: f64 = 0.5;
 /// The end of a trajectory counts as reached within this distance, m.
 const AT_TARGET_M: f64 = 0.3;
 
@@ -92,6 +94,8 @@ pub struct Pilot {
     flown: FlownPath,
     /// Landed, waiting for the last solve.
     ending: Option<Ending>,
+    /// The disturbed area that the people were told of last, m².
+    told_disturbed_m2: f64,
 }
 
 /// What a flight came to, before its last solve.
@@ -151,6 +155,7 @@ impl Pilot {
             home: None,
             flown: FlownPath::default(),
             ending: None,
+            told_disturbed_m2: 0.0,
         }
     }
 
@@ -214,6 +219,12 @@ impl Pilot {
     #[must_use]
     pub const fn phase(&self) -> Phase {
         self.mission.phase()
+    }
+
+    /// The map as it grows.
+    #[must_use]
+    pub const fn mapper(&self) -> &Mapper {
+        &self.mapper
     }
 
     /// The newest belief of the localisation, whether it can be flown on or not.
@@ -330,6 +341,7 @@ impl Pilot {
                 // The next flight measures anew: the material may have moved.
                 self.mapper.restart();
                 self.accounts.clear();
+                self.told_disturbed_m2 = 0.0;
                 self.jobs.choice = None;
                 self.route.restart();
                 self.flown = FlownPath::default();
@@ -503,6 +515,7 @@ impl Pilot {
         match solved {
             Ok(solved) => {
                 self.mapper.absorb(&solved);
+                self.tell_of_disturbed(&solved.disturbed, actions);
                 self.accounts.clone_from(&solved.accounts);
                 actions.push(Action::VolumesAccounted(solved.accounts));
                 actions.push(Action::SurfaceSolved(Box::new(solved.surface)));
@@ -510,6 +523,23 @@ impl Pilot {
             Err(error) => say(actions, Severity::Error, format!("no surface: {error}")),
         }
         self.end_if_final(actions);
+    }
+
+    /// Tells the people that something moves in the hall: when it begins, each time it has doubled, and
+    /// what is left of it in the end.
+    fn tell_of_disturbed(&mut self, areas: &[DisturbedArea], actions: &mut Vec<Action>) {
+        let Some(largest) = areas.first() else { return };
+        let area_m2: f64 = areas.iter().map(|area| area.area_m2).sum();
+        let is_more = area_m2 >= LEAST_DISTURBED_M2.max(2.0 * self.told_disturbed_m2);
+        if is_more || (self.jobs.is_final_solve && area_m2 >= LEAST_DISTURBED_M2) {
+            self.told_disturbed_m2 = area_m2;
+            let [x_m, y_m] = largest.centre_m;
+            let bay = self.mapper.bay_at(x_m, y_m).map_or_else(String::new, |b| format!(" in {b}"));
+            let text = format!(
+                "something moved: {area_m2:.1} m2 not measured since, most near x {x_m:.1} y {y_m:.1} m{bay}"
+            );
+            say(actions, Severity::Warning, text);
+        }
     }
 
     /// After the last solve of a flight: the final report.

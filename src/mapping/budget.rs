@@ -56,12 +56,19 @@ struct Sums {
     pose_var_m6: f64,
     /// r of the turn after the one at hand.
     r_next: SVector<f64, SIZE>,
+    /// By [`Footprint::lidar_idx`].
+    occlusion: f64,
+    lidars: Vec<LidarSums>,
+    tags: Vec<Vector3<f64>>,
+}
+
+/// What belongs to one LiDAR on its vehicle.
+#[derive(Debug, Clone, Copy, Default)]
+struct LidarSums {
     mount: Vector6<f64>,
     range_bias: f64,
     range_scale: f64,
     clock_offset: f64,
-    occlusion: f64,
-    tags: Vec<Vector3<f64>>,
 }
 
 /// What the data contribute to the variance of volumes whose adjoints are `q_m2`, in their order.
@@ -93,14 +100,14 @@ fn add_turn(
     q_m2: &[&[f64]],
     sums: &mut [Sums],
 ) -> Vec<Vector6<f64>> {
-    let turn = Turn::new(footprint, *at);
     let mut s = vec![Vector6::zeros(); q_m2.len()];
+    let Some(turn) = Turn::new(footprint, *at) else { return s };
     for patch in &footprint.patches {
         let Some(datum) = turn.datum(patch).filter(|datum| at.believes(datum)) else { continue };
         for (q, (sums, s)) in q_m2.iter().zip(sums.iter_mut().zip(&mut s)) {
             let k = datum.row.value(q) * datum.weight_per_m2;
             *s += datum.by_pose * k;
-            sums.add(&datum, k);
+            sums.add(footprint.lidar_idx, &datum, k);
         }
     }
     s
@@ -115,24 +122,28 @@ impl Sums {
             roughness_var_m2: 0.0,
             pose_var_m6: 0.0,
             r_next: SVector::zeros(),
-            mount: Vector6::zeros(),
-            range_bias: 0.0,
-            range_scale: 0.0,
-            clock_offset: 0.0,
             occlusion: 0.0,
+            lidars: Vec::new(),
             tags: Vec::new(),
         }
     }
 
-    fn add(&mut self, datum: &Datum, k: f64) {
+    fn lidar(&mut self, lidar_idx: usize) -> &mut LidarSums {
+        let n = self.lidars.len().max(lidar_idx + 1);
+        self.lidars.resize(n, LidarSums::default());
+        &mut self.lidars[lidar_idx]
+    }
+
+    fn add(&mut self, lidar_idx: usize, datum: &Datum, k: f64) {
         self.beam_var_m6 += k * k * datum.sensor_var_m2;
         self.slope_var_m6 += k * k * datum.slope_var_m2;
         self.squares[datum.row.nodes[0] as usize] += k;
         self.roughness_var_m2 = datum.roughness_var_m2;
-        self.mount += datum.by_mount * k;
-        self.range_bias += datum.by_range * k;
-        self.range_scale += datum.by_range * datum.range_m * k;
         self.occlusion += datum.hidden_m * k;
+        let lidar = self.lidar(lidar_idx);
+        lidar.mount += datum.by_mount * k;
+        lidar.range_bias += datum.by_range * k;
+        lidar.range_scale += datum.by_range * datum.range_m * k;
     }
 
     /// Everything that follows from s of one turn.
@@ -149,7 +160,8 @@ impl Sums {
         self.pose_var_m6 += s.dot(&(error.cov * (r * 2.0 - s)));
         self.r_next = r;
         let (v, rate) = (error.velocity_mps, error.rate_radps);
-        self.clock_offset += s_pose.dot(&Vector6::new(v.x, v.y, v.z, rate.x, rate.y, rate.z));
+        let motion = Vector6::new(v.x, v.y, v.z, rate.x, rate.y, rate.z);
+        self.lidar(footprint.lidar_idx).clock_offset += s_pose.dot(&motion);
         for tag in &error.tags {
             if self.tags.len() <= tag.tag_idx {
                 self.tags.resize(tag.tag_idx + 1, Vector3::zeros());
@@ -168,18 +180,22 @@ impl Sums {
         };
         let mount_sigma =
             |c| if c < 3 { sigmas.mount_position_m } else { sigmas.mount_rotation_rad };
-        let mount =
-            (0..6).map(|c| one(BudgetSource::LidarMounting, c, self.mount[c], mount_sigma(c)));
-        let lidar = [
-            one(BudgetSource::RangeBias, 0, self.range_bias, sigmas.range_bias_m),
-            one(BudgetSource::RangeScale, 0, self.range_scale, sigmas.range_scale),
-            one(BudgetSource::ClockOffset, 0, self.clock_offset, sigmas.clock_offset_s),
-            one(BudgetSource::Occlusion, 0, self.occlusion, OCCLUSION_SHARE.1),
-        ];
+        let of_lidar = |(idx, sums): (usize, &LidarSums)| {
+            let mount = sums.mount;
+            let axis = |c| one(BudgetSource::LidarMounting, 6 * idx + c, mount[c], mount_sigma(c));
+            let rest = [
+                one(BudgetSource::RangeBias, idx, sums.range_bias, sigmas.range_bias_m),
+                one(BudgetSource::RangeScale, idx, sums.range_scale, sigmas.range_scale),
+                one(BudgetSource::ClockOffset, idx, sums.clock_offset, sigmas.clock_offset_s),
+            ];
+            (0..6).map(axis).chain(rest).collect::<Vec<_>>()
+        };
+        let lidars = self.lidars.iter().enumerate().flat_map(of_lidar);
+        let ground = one(BudgetSource::Occlusion, 0, self.occlusion, OCCLUSION_SHARE.1);
         let tags = self.tags.iter().flatten().enumerate().map(|(component, &dv_dc)| {
             one(BudgetSource::MarkerMap, component, dv_dc, sigmas.tag_place_m)
         });
-        mount.chain(lidar).chain(tags).collect()
+        lidars.chain([ground]).chain(tags).collect()
     }
 
     /// What the nodes cannot show: heights common to a square, slopes of every patch by itself.

@@ -38,8 +38,8 @@ pub struct Linearization<'a> {
     pub is_known: &'a [bool],
     /// How many patches each square has, by its south-west node.
     pub n_patches: &'a [u32],
-    /// The LiDAR.
-    pub lidar: &'a LidarMount,
+    /// The mounted LiDAR of each vehicle, by [`Footprint::lidar_idx`].
+    pub lidars: &'a [LidarMount],
     /// Roughness below the cell size `σ_ε`, m.
     pub roughness_m: f64,
     /// How far the patches of a square scatter about each other, m: 0 before anything is known.
@@ -56,6 +56,7 @@ pub struct Turn<'a> {
     /// Offset of the LiDAR in body axes, m, and its axes there.
     lidar_origin_m: Vector3<f64>,
     lidar_axes: Matrix3<f64>,
+    lidar: &'a LidarMount,
     at: Linearization<'a>,
 }
 
@@ -97,16 +98,18 @@ const GATE_SIGMAS: f64 = 6.0;
 const GATE_CELLS: f64 = 1.5;
 
 impl<'a> Turn<'a> {
-    /// What the patches of a footprint share.
+    /// What the patches of a footprint share; `None` if the LiDAR that took it is not known.
     #[must_use]
-    pub fn new(footprint: &Footprint, at: Linearization<'a>) -> Self {
-        Self {
+    pub fn new(footprint: &Footprint, at: Linearization<'a>) -> Option<Self> {
+        let lidar = at.lidars.get(footprint.lidar_idx)?;
+        Some(Self {
             pose_cov: footprint.error.cov.fixed_view::<6, 6>(0, 0).into_owned(),
             R: footprint.hall_from_body.rotation.matrix(),
-            lidar_origin_m: at.lidar.body_from_lidar.origin.coords,
-            lidar_axes: at.lidar.body_from_lidar.rotation.matrix(),
+            lidar_origin_m: lidar.body_from_lidar.origin.coords,
+            lidar_axes: lidar.body_from_lidar.rotation.matrix(),
+            lidar,
             at,
-        }
+        })
     }
 
     /// The patch as a datum; `None` outside of the nodes, and if anything of it is not finite.
@@ -134,7 +137,7 @@ impl<'a> Turn<'a> {
             self.at.lattice.spacing_m(),
             -by_range / level.max(1e-9),
         );
-        let lidar = self.at.lidar;
+        let lidar = self.lidar;
         let sensor_var_m2 =
             (by_range * lidar.range_sigma_m).powi(2) + (by_angle * lidar.angle_sigma_rad).powi(2);
         let horizontal_var_m2 = self.pose_cov[(0, 0)]

@@ -13,6 +13,7 @@
 use super::bay::BayOnGrid;
 use super::budget::{CalibrationSigmas, data_budgets};
 use super::datum::{Linearization, Turn};
+use super::disturbance::{Flagged, Levels, Undisturbed};
 use super::footprint::Footprint;
 use super::grid_map::Bays;
 use super::mapper::SolvedSurface;
@@ -61,8 +62,8 @@ pub struct Setup {
     pub settings: Settings,
     /// Nodes of the field.
     pub lattice: Arc<Lattice>,
-    /// The LiDAR.
-    pub lidar: LidarMount,
+    /// The LiDAR of each vehicle; one, unless maps of several vehicles are merged.
+    pub lidars: Vec<LidarMount>,
     /// What is measured: the whole region, then its bays.
     pub bays: Bays,
 }
@@ -83,8 +84,7 @@ pub struct NewestField {
 pub struct FieldMap {
     setup: Arc<Setup>,
     footprints: Vec<Arc<Footprint>>,
-    /// How many patches each square has, by its south-west node.
-    n_patches: Vec<u32>,
+    levels: Arc<Levels>,
     newest: Option<Arc<NewestField>>,
 }
 
@@ -92,25 +92,31 @@ impl FieldMap {
     /// A map without a turn.
     #[must_use]
     pub fn new(setup: Arc<Setup>) -> Self {
-        let n_patches = vec![0; setup.lattice.n_nodes()];
-        Self { setup, footprints: Vec::new(), n_patches, newest: None }
+        let levels = setup.levels();
+        Self { setup, footprints: Vec::new(), levels, newest: None }
     }
 
     /// Takes in a turn.
-    pub fn push(&mut self, footprint: Footprint) {
-        for patch in &footprint.patches {
-            let place = patch.place();
-            if let Some(row) = self.setup.lattice.row_at(place.x, place.y) {
-                self.n_patches[row.nodes[0] as usize] += 1;
-            }
-        }
+    pub fn push(&mut self, mut footprint: Footprint) {
+        Arc::make_mut(&mut self.levels).take(&self.setup.lattice, &mut footprint);
         self.footprints.push(Arc::new(footprint));
+    }
+
+    /// The turns so far, in their order.
+    #[must_use]
+    pub fn turns(&self) -> &[Arc<Footprint>] {
+        &self.footprints
+    }
+
+    /// The same map with the LiDAR of each of several vehicles.
+    pub(super) fn set_lidars(&mut self, lidars: Vec<LidarMount>) {
+        Arc::make_mut(&mut self.setup).lidars = lidars;
     }
 
     /// Forgets all turns and surfaces.
     pub fn restart(&mut self) {
         self.footprints.clear();
-        self.n_patches.fill(0);
+        self.levels = self.setup.levels();
         self.newest = None;
     }
 
@@ -128,7 +134,7 @@ impl FieldMap {
     /// The linearisation at these heights, with the configured roughness.
     #[cfg(test)]
     pub(super) fn linearization<'a>(&'a self, heights_m: &'a [f64]) -> Linearization<'a> {
-        let at = self.setup.linearization(&self.n_patches, None);
+        let at = self.setup.linearization(&[], None);
         Linearization { heights_m: Some(heights_m), ..at }
     }
 
@@ -145,7 +151,7 @@ impl FieldMap {
             at,
             setup: Arc::clone(&self.setup),
             footprints: self.footprints.clone(),
-            n_patches: self.n_patches.clone(),
+            levels: Arc::clone(&self.levels),
             newest: self.newest.clone(),
             is_final,
         }
@@ -158,7 +164,7 @@ pub struct SolveField {
     at: Stamp<Mono>,
     setup: Arc<Setup>,
     footprints: Vec<Arc<Footprint>>,
-    n_patches: Vec<u32>,
+    levels: Arc<Levels>,
     newest: Option<Arc<NewestField>>,
     is_final: bool,
 }
@@ -189,25 +195,28 @@ impl SolveField {
     /// # Errors
     /// [`FieldError`] from the field.
     pub fn run(&self) -> Result<SolvedSurface, FieldError> {
+        let turns = self.levels.judge(&self.footprints);
+        let n_patches = self.setup.n_patches(&turns.footprints);
         // The first solution of all has no slopes to start from.
         let n_rounds =
             if self.is_final { FINAL_ROUNDS } else { 1 + usize::from(self.newest.is_none()) };
         // After landing all data meet as equals: an early, wrong surface must not refuse later ones.
         let first = self.newest.as_deref().filter(|_| !self.is_final);
-        let mut round = self.round(first)?;
+        let mut round = self.round(&turns.footprints, &n_patches, first)?;
         for _ in 1..n_rounds {
-            round = self.round(Some(&round.newest))?;
+            round = self.round(&turns.footprints, &n_patches, Some(&round.newest))?;
         }
-        self.account(round)
-    }
-
-    fn linearization<'a>(&'a self, newest: Option<&'a NewestField>) -> Linearization<'a> {
-        self.setup.linearization(&self.n_patches, newest)
+        self.account(&turns, &n_patches, round)
     }
 
     /// One solution with the slopes of the one before.
-    fn round(&self, before: Option<&NewestField>) -> Result<Round, FieldError> {
-        let data = self.gather(&self.linearization(before));
+    fn round(
+        &self,
+        turns: &[Arc<Footprint>],
+        n_patches: &[u32],
+        before: Option<&NewestField>,
+    ) -> Result<Round, FieldError> {
+        let data = self.gather(turns, &self.setup.linearization(n_patches, before));
         let solution = matern_field::solve(
             &self.setup.lattice,
             &self.setup.settings.prior(),
@@ -228,15 +237,15 @@ impl SolveField {
     }
 
     /// Adds up what all turns know.
-    fn gather(&self, at: &Linearization<'_>) -> Data {
+    fn gather(&self, turns: &[Arc<Footprint>], at: &Linearization<'_>) -> Data {
         let setup = &self.setup;
         let mut data = Data {
             info: Information::new(&setup.lattice),
             n_refused: 0,
             residuals: Residuals::new(setup.lattice.n_nodes()),
         };
-        for footprint in &self.footprints {
-            let turn = Turn::new(footprint, *at);
+        for footprint in turns {
+            let Some(turn) = Turn::new(footprint, *at) else { continue };
             for patch in &footprint.patches {
                 let Some(datum) = turn.datum(patch) else { continue };
                 if !at.believes(&datum) {
@@ -253,16 +262,21 @@ impl SolveField {
     }
 
     /// The volumes of a solution with their budgets.
-    fn account(&self, round: Round) -> Result<SolvedSurface, FieldError> {
+    fn account(
+        &self,
+        turns: &Undisturbed,
+        n_patches: &[u32],
+        round: Round,
+    ) -> Result<SolvedSurface, FieldError> {
         let setup = &self.setup;
-        let at = self.linearization(round.before.as_ref());
+        let at = setup.linearization(n_patches, round.before.as_ref());
         let areas_m2 = setup.areas_m2();
         let adjoint = |of_bay: &Vec<f64>| round.solution.adjoint(of_bay, None);
         let adjoints = areas_m2.iter().map(adjoint).collect::<Result<Vec<_>, _>>()?;
         let q_m2: Vec<&[f64]> = adjoints.iter().map(|adjoint| adjoint.q.as_slice()).collect();
-        let budgets = data_budgets(&self.footprints, &at, &q_m2, &setup.settings.calibration);
+        let budgets = data_budgets(&turns.footprints, &at, &q_m2, &setup.settings.calibration);
         let mean_m = setup.lattice.on_cells(&round.newest.heights_m);
-        let seen = setup.seen(&round.data.info);
+        let seen = setup.seen(&round.data.info, &turns.flagged);
         let range_m = setup.settings.range_m;
         let solved = std::iter::zip(std::iter::zip(&areas_m2, &adjoints), budgets);
         let accounts = std::iter::zip(setup.bays.iter(), solved)
@@ -279,11 +293,14 @@ impl SolveField {
             .collect();
         let sigma_m =
             setup.lattice.on_cells(&self.var_m2(&round)).iter().map(|var| var.sqrt()).collect();
-        let surface = HeightMap { at: self.at, grid: *setup.lattice.grid(), mean_m, sigma_m };
+        let grid = *setup.lattice.grid();
+        let disturbed_cells = turns.flagged.cells().collect();
+        let surface = HeightMap { at: self.at, grid, mean_m, sigma_m, disturbed_cells };
         Ok(SolvedSurface {
             accounts,
             surface,
-            n_beams_refused: round.data.n_refused,
+            n_beams_refused: turns.n_beams_left_out + round.data.n_refused,
+            disturbed: turns.flagged.areas(&grid),
             newest: Some(Arc::new(round.newest)),
         })
     }
@@ -324,6 +341,18 @@ const KNOWN_FROM_PATCHES: f64 = 0.5;
 const SEEN_FROM_PATCHES: f64 = 0.5;
 
 impl Setup {
+    /// How many patches each square has, by its south-west node.
+    fn n_patches(&self, turns: &[Arc<Footprint>]) -> Vec<u32> {
+        let mut n_patches = vec![0; self.lattice.n_nodes()];
+        for patch in turns.iter().flat_map(|turn| &turn.patches) {
+            let place = patch.place();
+            if let Some(row) = self.lattice.row_at(place.x, place.y) {
+                n_patches[row.nodes[0] as usize] += 1;
+            }
+        }
+        n_patches
+    }
+
     /// The areas that each node stands for, m², of the whole region and of its bays.
     fn areas_m2(&self) -> Vec<Vec<f64>> {
         let mut areas_m2: Vec<Vec<f64>> =
@@ -364,10 +393,17 @@ impl Setup {
         std::iter::zip(areas_m2, of_means).map(|(a, b)| a + b).collect()
     }
 
-    fn seen(&self, info: &Information) -> SeenCells {
+    fn seen(&self, info: &Information, flagged: &Flagged) -> SeenCells {
         let grid = self.lattice.grid();
         let is_seen = |cell| info.n_hits(self.lattice.node_of_cell(cell)) >= SEEN_FROM_PATCHES;
-        SeenCells::new(grid, &(0..grid.n_cells()).map(is_seen).collect::<Vec<_>>())
+        let is_seen: Vec<bool> = (0..grid.n_cells()).map(is_seen).collect();
+        SeenCells::new(grid, &is_seen, flagged.clone())
+    }
+
+    /// Nothing seen, so nothing moved.
+    fn levels(&self) -> Arc<Levels> {
+        let Settings { nugget_m, slope_sigma, .. } = self.settings;
+        Arc::new(Levels::new(self.lattice.grid(), nugget_m, slope_sigma))
     }
 
     /// What a patch is worth beside the newest surface.
@@ -381,7 +417,7 @@ impl Setup {
             n_patches,
             heights_m: newest.map(|newest| newest.heights_m.as_slice()),
             is_known: newest.map_or(&[], |newest| newest.is_known.as_slice()),
-            lidar: &self.lidar,
+            lidars: &self.lidars,
             roughness_m: newest.map_or(0.0, |newest| newest.scatter_m).max(self.settings.nugget_m),
             scatter_m: newest.map_or(0.0, |newest| newest.scatter_m),
             slope_sigma: self.settings.slope_sigma,

@@ -1,6 +1,7 @@
 //! The face of the mapping: scans and poses in, surface and volumes out.
 
 use super::base::BaseSurface;
+use super::bay::WHOLE_REGION;
 use super::field_map::{self, FieldMap, NewestField, Setup, SolveField};
 use super::footprint::{Footprint, LineHit, gather};
 use super::grid_map::{self, Bays, GridMap, SolveGrid};
@@ -11,7 +12,9 @@ use super::region::Region;
 use super::sparse_gp::GpError;
 use super::volume::Base;
 use crate::geometry::{Body, Hall, Transform};
-use crate::messages::{Beam, GridGeometry, HeightMap, HitCounts, PoseError, Scan, VolumeAccount};
+use crate::messages::{
+    Beam, DisturbedArea, GridGeometry, HeightMap, HitCounts, PoseError, Scan, VolumeAccount,
+};
 use crate::time::{Mono, Stamp};
 use nalgebra::Matrix6;
 use std::sync::Arc;
@@ -124,7 +127,7 @@ impl Mapper {
         if let (Some(field), Some((error, hall_from_body))) = (&mut self.field, shared)
             && !patches.is_empty()
         {
-            field.push(Footprint { error, hall_from_body, patches });
+            field.push(Footprint { error, hall_from_body, lidar_idx: 0, patches });
         }
     }
 
@@ -149,6 +152,17 @@ impl Mapper {
             Fate::NoPose => &mut counts.no_pose,
             Fate::PoorPose => &mut counts.poor_pose,
         }
+    }
+
+    /// The turns of the scanner that the field holds, in their order; none with the paper's grid.
+    #[must_use]
+    pub fn turns(&self) -> &[Arc<Footprint>] {
+        self.field.as_ref().map_or(&[], FieldMap::turns)
+    }
+
+    /// The field, where it is kept.
+    pub(super) const fn field_mut(&mut self) -> Option<&mut FieldMap> {
+        self.field.as_mut()
     }
 
     /// Begins a new map; the counts go on.
@@ -219,6 +233,14 @@ impl Mapper {
         self.grid.grid()
     }
 
+    /// The name of the bay at a place, if the region has bays of their own names.
+    #[must_use]
+    pub fn bay_at(&self, x_m: f64, y_m: f64) -> Option<&str> {
+        let bays = &self.settings.region.bays;
+        let bay = bays.iter().find(|bay| bay.outline.contains(x_m, y_m))?;
+        (bay.name != WHOLE_REGION).then_some(bay.name.as_str())
+    }
+
     /// Which area counts.
     #[must_use]
     pub fn base(&self) -> &Base {
@@ -259,7 +281,7 @@ fn field_setup(settings: &Settings, geometry: &GridGeometry, bays: &Bays) -> Arc
             |place| settings.region.beside_exclusions(place, settings.cell_m),
             |a, b| settings.region.separates(a, b),
         )),
-        lidar: settings.lidar.clone(),
+        lidars: vec![settings.lidar.clone()],
         bays: Arc::clone(bays),
     })
 }
@@ -303,6 +325,8 @@ pub struct SolvedSurface {
     pub surface: HeightMap,
     /// Beams that hit something, but not the surface: dust, edges, machines.
     pub n_beams_refused: u64,
+    /// Ground that something has covered or changed since it was last seen, the largest area first.
+    pub disturbed: Vec<DisturbedArea>,
     /// Where the next solve of a field starts.
     pub newest: Option<Arc<NewestField>>,
 }

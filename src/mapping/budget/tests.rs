@@ -44,14 +44,14 @@ fn map() -> FieldMap {
     FieldMap::new(Arc::new(Setup {
         settings: field_map::Settings { range_m: 3.0, calibration: SIGMAS, ..Default::default() },
         lattice: Arc::new(lattice),
-        lidar: LidarMount {
+        lidars: vec![LidarMount {
             body_from_lidar: mount(),
             range_sigma_m: 0.02,
             angle_sigma_rad: 0.003,
             min_range_m: 0.1,
             max_range_m: 12.0,
             blind_sectors_rad: Vec::new(),
-        },
+        }],
         bays: Arc::new(vec![BayOnGrid {
             name: "hall".to_owned(),
             base: Base::level(0.0, areas),
@@ -134,9 +134,11 @@ fn footprint(turn: usize, wrong: &Wrong) -> Footprint {
             place_m: (believed * arm).coords.map(|c| c as f32).into(),
             arm_m: arm.coords.map(|c| c as f32).into(),
             n_beams: 1,
+            level: Patch::NO_LEVEL,
         })
         .collect();
     Footprint {
+        lidar_idx: 0,
         error: PoseError {
             at: Stamp::ZERO.plus(Duration::from_millis(100 * turn as u64)),
             cov: cov(turn),
@@ -301,7 +303,7 @@ fn shaken(mut turn: Footprint, rough: &[f64], noise: &mut Noise) -> Footprint {
         .collect();
     let at = map.linearization(&heights);
     let data: Vec<_> = {
-        let shared = Turn::new(&turn, at);
+        let shared = Turn::new(&turn, at).expect("a known LiDAR");
         turn.patches.iter().map(|patch| shared.datum(patch)).collect()
     };
     for (patch, datum) in turn.patches.iter_mut().zip(data) {
