@@ -17,7 +17,7 @@
 //!    the ground, for what comes or goes stands on it: the lowest of those that at least half as many
 //!    turns saw as any other, so that a few wrong poses do not dig holes.
 //! 2. A higher level is *foreign* if no turn saw it together with the ground, and at least
-//!    four neighbours (cells within two cells, or 0.5 m) have such a level within 2 s and two cells, or
+//!    twelve neighbours (cells within two cells, or 0.5 m) have such a level within 2 s and two cells, or
 //!    0.5 m, of height. So are, within 1 m and 2 s of it, higher levels at its rim, and equally high ones over ground that no
 //!    turn saw.
 //! 3. Foreign hits are no data, and do not move the surface: the ground keeps what was measured of
@@ -58,8 +58,8 @@ const TOGETHER_M: f64 = 0.5;
 /// whatever the cells, …
 const NEIGHBOUR_CELLS: f64 = 2.0;
 const NEIGHBOUR_M: f64 = 0.5;
-/// … and so many must agree.
-const LEAST_NEIGHBOURS: usize = 4;
+/// … and so many must agree: a thing is broad, a ridge that only some turns look over is a line.
+const LEAST_NEIGHBOURS: usize = 12;
 /// The rim of a thing reaches this far from where it was recognised, m.
 const RIM_M: f64 = 1.0;
 /// Of a level's turns so many may have seen the ground too: those when a thing came or left.
