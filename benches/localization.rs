@@ -34,6 +34,7 @@ fn state() -> FilterState {
         gyro_bias_radps: Vector3::zeros(),
         accel_bias_mps2: Vector3::zeros(),
         P: Covariance::identity() * 0.01,
+        places: None,
     }
 }
 
