@@ -154,14 +154,15 @@ fn vision_fix(c: &mut Criterion) {
 }
 
 fn frame(features: &[PointFeature], camera: &CameraModel) -> Frame {
-    let sighting = |feature: &PointFeature| Sighting {
+    let sighting = |(k, feature): (usize, &PointFeature)| Sighting {
         place: feature.place,
         pixel: feature.pixel,
         offset_s: 0.0,
+        place_idx: k / 4,
     };
     Frame {
         camera: Arc::new(camera.clone()),
-        points: features.iter().map(sighting).collect(),
+        points: features.iter().enumerate().map(sighting).collect(),
         corner_sigma_px: 0.4,
         capture_sigma_s: 0.002,
     }

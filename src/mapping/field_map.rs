@@ -101,6 +101,20 @@ impl FieldMap {
         self.newest = None;
     }
 
+    /// Drops the turns after `since`, and the surface if it may rest on them; the number of their
+    /// beams.
+    pub fn forget_since(&mut self, since: Stamp<Mono>) -> u64 {
+        let is_kept = |footprint: &Arc<Footprint>| footprint.error.at <= since;
+        let dropped = self.footprints.iter().filter(|footprint| !is_kept(footprint));
+        let patches = dropped.flat_map(|footprint| &footprint.patches);
+        let n_beams = patches.map(|patch| u64::from(patch.n_beams)).sum();
+        self.footprints.retain(is_kept);
+        if n_beams > 0 {
+            self.newest = None;
+        }
+        n_beams
+    }
+
     /// Starts the next solve from this surface.
     pub fn absorb(&mut self, newest: Arc<NewestField>) {
         self.newest = Some(newest);

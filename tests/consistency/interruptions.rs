@@ -39,6 +39,10 @@ fn a_longer_gap_loses_the_position_and_the_next_fix_declares_a_jump() {
         assert_eq!(flight.localizer.estimate().expect("started").reset_counter, 1);
         let n_started = flight.records.iter().filter(|r| r.verdict == Verdict::Initialized).count();
         assert_eq!(n_started, 2, "the start and the new one");
+        // The last frame before the gap was the last that agreed.
+        let since_s = flight.localizer.take_doubt().expect("a restart").seconds();
+        assert!((5.9..=6.0).contains(&since_s), "{since_s}");
+        assert!(flight.localizer.take_doubt().is_none(), "said once");
         assert!(flight.nees().iter().all(|nees| *nees < 16.3), "{:?}", flight.nees());
     }
 }
