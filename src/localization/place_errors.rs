@@ -28,6 +28,9 @@ use std::sync::Arc;
 /// What the place of one tag does to the error of the state, 15×3.
 pub(super) type Share = SMatrix<f64, SIZE, 3>;
 
+/// A place that moves the pose by less than this share of its own error is not worth listing.
+const LEAST_SHARE: f64 = 1e-4;
+
 /// The shares of all places that were ever used.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlaceErrors {
@@ -114,12 +117,13 @@ impl PlaceErrors {
         shares.fold(Covariance::zeros(), |sum, E| sum + E * E.transpose() * var_m2)
     }
 
-    /// The pose's part of all shares.
+    /// The pose's part of all shares that say anything.
     pub(super) fn sensitivities(&self) -> Vec<TagSensitivity> {
         let pose_part = |(&tag_idx, E): (&usize, &Share)| {
             let pose_by_place: Matrix6x3<f64> = self.since.fixed_rows::<6>(0) * E;
             TagSensitivity { tag_idx, pose_by_place }
         };
-        self.then.by_place.iter().map(pose_part).collect()
+        let all = self.then.by_place.iter().map(pose_part);
+        all.filter(|tag| tag.pose_by_place.amax() >= LEAST_SHARE).collect()
     }
 }

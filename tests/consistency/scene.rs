@@ -194,7 +194,7 @@ impl Flight {
     }
 
     /// The frame stamped `t`, exposed a little before or after.
-    fn frame(&mut self, t: f64) -> TagDetections {
+    pub(crate) fn frame(&mut self, t: f64) -> TagDetections {
         let exposed = t + self.noise.normal() * CAPTURE_SIGMA_S;
         let seen = pixels(&self.motion.pose(exposed), &self.tags);
         let tags = seen
