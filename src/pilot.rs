@@ -259,6 +259,24 @@ impl Pilot {
         let records = self.localizer.take_records().into_iter();
         actions.extend(records.map(|record| Action::FixTreated(Box::new(record))));
         actions.extend(self.localizer.take_notices().into_iter().map(Action::Say));
+        if let Some(since) = self.localizer.take_doubt() {
+            self.forget_since(since, actions);
+        }
+    }
+
+    /// Takes back what was mapped from poses that turned out to be wrong.
+    fn forget_since(&mut self, since: Stamp<Mono>, actions: &mut Vec<Action>) {
+        let n_beams = self.mapper.forget_since(since);
+        if n_beams == 0 {
+            return;
+        }
+        let age_s = self.now.seconds_since(since);
+        let text = format!("{n_beams} beams of the last {age_s:.1} s had a wrong pose: dropped");
+        say(actions, Severity::Warning, text);
+        // A solve under way still has them: another one takes its place.
+        if self.jobs.solve.is_some() {
+            self.start_solve(self.jobs.is_final_solve, actions);
+        }
     }
 
     fn on_operator(&mut self, command: OperatorCommand, actions: &mut Vec<Action>) {

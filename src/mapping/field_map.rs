@@ -120,6 +120,25 @@ impl FieldMap {
         self.newest = None;
     }
 
+    /// Drops the turns after `since`, and the surface if it may rest on them; the number of their
+    /// beams.
+    pub fn forget_since(&mut self, since: Stamp<Mono>) -> u64 {
+        let is_kept = |footprint: &Arc<Footprint>| footprint.error.at <= since;
+        let dropped = self.footprints.iter().filter(|footprint| !is_kept(footprint));
+        let patches = dropped.flat_map(|footprint| &footprint.patches);
+        let n_beams = patches.map(|patch| u64::from(patch.n_beams)).sum();
+        let kept = std::mem::take(&mut self.footprints).into_iter().filter(is_kept);
+        // Levels are sorted turn by turn: those of wrong poses must not judge the later ones.
+        self.levels = self.setup.levels();
+        for footprint in kept.collect::<Vec<_>>() {
+            self.push(Arc::unwrap_or_clone(footprint));
+        }
+        if n_beams > 0 {
+            self.newest = None;
+        }
+        n_beams
+    }
+
     /// Starts the next solve from this surface.
     pub fn absorb(&mut self, newest: Arc<NewestField>) {
         self.newest = Some(newest);

@@ -179,6 +179,8 @@ pub struct HitCounts {
     pub on_ground: u64,
     /// Beams among `used` that turned out not to be of the surface: dust, edges, machines.
     pub refused: u64,
+    /// Beams that had been used and were dropped again, because their pose turned out to be wrong.
+    pub forgotten: u64,
 }
 
 impl std::ops::AddAssign for HitCounts {

@@ -157,6 +157,7 @@ struct HitCountsTwin {
     poor_pose: u64,
     on_ground: u64,
     refused: u64,
+    forgotten: u64,
 }
 
 #[derive(Serialize, JsonSchema)]
