@@ -58,6 +58,9 @@ pub struct Settings {
     pub report_interval: Duration,
 }
 
+/// Setpoints are sampled this long ahead: half of the 33 ms that each is in force, and what link
+/// and autopilot take until they act on it. Without it the vehicle lags 7 cm behind at 2 m/s.
+const STEER_LEAD: Duration = Duration::from_millis(30);
 /// Without a beam for this long the LiDAR counts as silent.
 const LIDAR_SILENT_AFTER: Duration = Duration::from_secs(2);
 /// An older battery message says nothing; PX4 sends one every two seconds.
@@ -384,7 +387,7 @@ impl Pilot {
             self.stand(estimate.hall_from_body.origin);
         }
         let Some(trajectory) = self.route.path().trajectory() else { return };
-        let setpoint = trajectory.setpoint_at(self.now);
+        let setpoint = trajectory.setpoint_at(self.now.plus(STEER_LEAD));
         if setpoint.is_finite() {
             self.flown.go_on(&setpoint.position.coords);
             actions.push(Action::Steer(setpoint));

@@ -9,7 +9,7 @@
 //! - An *emergency* stop begins at once. It has more acceleration, jerk and snap than planned
 //!   motion, see [`Limits::in_emergency`]; it is still continuous up to the jerk.
 //!
-//! Checked: `every_state_can_be_braked_within_the_bounds`, `an_emergency_stop_is_shorter`.
+//! Checked: `every_state_can_be_braked_within_the_bounds`, `an_emergency_stop_begins_at_once_and_is_shorter`.
 
 use super::segment::Segment;
 use super::{Knot, Limits, Yaw};

@@ -130,7 +130,8 @@ fn ramp_m(limits: &Limits) -> f64 {
     let by_accel = 0.9375 * v.powi(2) / limits.accel_mps2;
     let by_jerk = (1.4434 * v.powi(3) / limits.jerk_mps3).sqrt();
     let by_snap = (7.5 * v.powi(4) / limits.snap_mps4).cbrt();
-    by_accel.max(by_jerk).max(by_snap) / RAMP_SHARE
+    // A little longer than the rule for speeds wants it, so that rounding cannot miss the limit.
+    1.001 * by_accel.max(by_jerk).max(by_snap) / RAMP_SHARE
 }
 
 /// Waypoints without repetition, and ramps on long legs.

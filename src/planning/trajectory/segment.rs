@@ -6,7 +6,7 @@
 //! P_1 = p + vT/7                    P_3 = p + 3vT/7 + aT²/14 + jT³/210     and alike from the end
 //! ```
 //! Source: Mellinger and Kumar 2011, section IV; control points from the derivatives at the ends.
-//! Checked: `a_segment_has_the_states_of_its_ends`, `the_shortest_duration_is_at_a_bound`.
+//! Checked: `from_rest_to_rest_takes_the_time_of_the_closed_form`, and by properties.
 
 use super::bezier::{
     Points, derivative, dot, halves, is_ahead, is_within, jet, largest_norm, split,
