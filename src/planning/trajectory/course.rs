@@ -38,7 +38,7 @@ const TURN_SHARE: f64 = 0.9;
 /// Segments tried before a course counts as impossible.
 const MAX_TRIALS: usize = 150;
 /// Waypoints whose speed is improved, and the factors that are tried.
-const IMPROVED: usize = 3;
+const IMPROVED: usize = 4;
 const FACTORS: [f64; 3] = [1.3, 1.1, 0.85];
 
 /// One segment, and how many waypoints are reached at its end.
