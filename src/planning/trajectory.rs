@@ -8,9 +8,9 @@
 //! - Every trajectory ends at rest. So the last one that was found can always be flown to its
 //!   end, and a new one is only taken if it begins in the very state of the old one.
 //! - Bounds hold on the whole curve: they are judged by control points, whose hull holds the
-//!   curve, split until decided ([`bezier`]). Tolerance: 1e-9 of a bound.
+//!   curve, split until decided (`bezier`). Tolerance: 1e-9 of a bound.
 //! - The duration of each segment is its shortest one within the bounds, to 0.1 %; the speeds at
-//!   the waypoints are chosen by rules and improved ([`course`]).
+//!   the waypoints are chosen by rules and improved (`course`).
 //! - Corners are not cut: the curve passes through each waypoint, and swings out beside it.
 //!   [`Trajectory::departure_m`] says how far; [`Trajectory::through_free`] lets the caller judge
 //!   the curve, and falls back to straight legs.

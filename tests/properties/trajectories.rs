@@ -2,6 +2,7 @@
 
 use crate::support::at_s;
 use nalgebra::Vector3;
+use std::time::Duration;
 use stockpilot::geometry::Point;
 use stockpilot::planning::Waypoint;
 use stockpilot::planning::trajectory::{Knot, Limits, Trajectory};
@@ -60,7 +61,7 @@ fn states(trajectory: &Trajectory, from: Stamp<Mono>) -> Vec<(f64, Knot)> {
     let mut times: Vec<f64> = (0..=120).map(|k| end_s * f64::from(k) / 120.0).collect();
     times.extend(joints.filter(|t| (0.0..end_s).contains(t)));
     times.sort_by(f64::total_cmp);
-    let nanos = |t: f64| Stamp::from_nanos(from.nanos() + (t * 1e9).round() as i64);
+    let nanos = |t: f64| from.plus(Duration::from_secs_f64(t));
     times.iter().map(|t| ((t * 1e9).round() * 1e-9, trajectory.knot_at(nanos(*t)))).collect()
 }
 
@@ -116,9 +117,11 @@ fn assert_passes(trajectory: &Trajectory, waypoints: &[Waypoint], case: &str) {
     passed.extend(trajectory.joints());
     for (k, waypoint) in waypoints.iter().enumerate() {
         let just_after = |at: &Stamp<Mono>| Stamp::from_nanos(at.nanos() + 2);
-        let at = passed.iter().find(|at| trajectory.n_reached(just_after(at)) > k);
-        let knot =
-            trajectory.knot_at(*at.unwrap_or_else(|| panic!("{case}: {k} is never reached")));
+        let at = passed
+            .iter()
+            .find(|at| trajectory.n_reached(just_after(at)) > k)
+            .expect("each waypoint is reached at some joint");
+        let knot = trajectory.knot_at(*at);
         let off_m = (knot.position - waypoint.place.coords).norm();
         let off_rad = wrapped_rad(knot.yaw.angle_rad - waypoint.yaw_rad).abs();
         // Places of a millimetre are one place; they may add up over repetitions.

@@ -49,9 +49,7 @@ pub(super) fn split<const D: usize, const N: usize>(
     let mut level = *points;
     for r in 1..N {
         for k in 0..N - r {
-            for d in 0..D {
-                level[k][d] += (level[k + 1][d] - level[k][d]) * at;
-            }
+            level[k] = between(&level[k], &level[k + 1], at);
         }
         left[r] = level[0];
         right[N - 1 - r] = level[N - 1 - r];
@@ -129,6 +127,14 @@ pub(super) fn largest_norm<const D: usize, const N: usize>(
     largest
 }
 
+fn between<const D: usize>(a: &[f64; D], b: &[f64; D], at: f64) -> [f64; D] {
+    let mut c = *a;
+    for d in 0..D {
+        c[d] += (b[d] - a[d]) * at;
+    }
+    c
+}
+
 pub(super) fn dot<const D: usize>(a: &[f64; D], b: &[f64; D]) -> f64 {
     let mut sum = 0.0;
     for d in 0..D {
@@ -151,9 +157,7 @@ pub(super) fn jet<const D: usize>(points: &Points<D, 8>, at: f64) -> [[f64; D]; 
             jet[left] = difference(&level, left);
         }
         for k in 0..left {
-            for d in 0..D {
-                level[k][d] += (level[k + 1][d] - level[k][d]) * at;
-            }
+            level[k] = between(&level[k], &level[k + 1], at);
         }
     }
     jet
@@ -181,7 +185,11 @@ fn difference<const D: usize>(level: &Points<D, 8>, order: usize) -> [f64; D] {
 mod tests {
     use super::*;
 
-    /// x = τ⁷ − 2 τ³ as control points: P_k = Σ_j C(k, j)/C(7, j) a_j.
+    /// x = τ⁷ − 2 τ³ by control points.
+    ///
+    /// ```text
+    /// P_k = Σ_j C(k, j)/C(7, j) a_j
+    /// ```
     const CURVE: Points<1, 8> =
         [[0.0], [0.0], [0.0], [-2.0 / 35.0], [-8.0 / 35.0], [-20.0 / 35.0], [-40.0 / 35.0], [-1.0]];
 
