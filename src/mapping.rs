@@ -28,6 +28,7 @@ pub mod matern_kernel;
 pub mod polygon;
 pub mod projection;
 pub mod region;
+pub mod roughness;
 pub mod shares;
 pub mod sparse_cholesky;
 pub mod sparse_gp;

@@ -4,15 +4,16 @@
 //! volume by each datum:
 //!
 //! ```text
-//! q = Q⁻¹ w,   k_i = a_iᵀ q / R_i = ∂V/∂z_i
+//! q = Q⁻¹ w,   k_i = weight_i a_iᵀ q = ∂V/∂z_i
 //!
 //! prior            q_xᵀ Q₀ q_x
 //! beams            Σ_i k_i² R_white,i
+//! roughness        σ_ε² Σ_squares (Σ_{i in square} k_i)²
 //! pose             Σ_k s_kᵀ P_k (2 r_k − s_k),   s_k = Σ_{i∈k} k_i ∂z_i/∂χ,   r_k = s_k + A_{k+1}ᵀ r_{k+1}
 //! constant c       (σ_c Σ_i k_i ∂z_i/∂c)²
 //! tag t            |σ_m Σ_k E_{k,t}ᵀ s_k|²,   E_{k,t} = ∂χ_k/∂m_t
 //! ```
-//! - `w`: area of each node that counts, m²; `a_i`, `R_i`: row and variance of datum i
+//! - `w`: area of each node that counts, m²; `a_i`: row of datum i
 //! - `P_k`, `A_k`: covariance and transition of the error state at turn k, 15×15
 //!
 //! The errors of the pose at two turns j > k share `A_j … A_{k+1} P_k`; the sum over all pairs,
@@ -21,6 +22,7 @@
 
 use super::datum::{Datum, Linearization, Turn};
 use super::footprint::Footprint;
+use super::roughness::OCCLUSION_SHARE;
 use crate::messages::state::SIZE;
 use crate::messages::{BudgetRow, BudgetSource, SharedSensitivity, VolumeBudget};
 use nalgebra::{SMatrix, SVector, Vector3, Vector6};
@@ -47,7 +49,10 @@ pub struct CalibrationSigmas {
 #[derive(Debug, Clone)]
 struct Sums {
     beam_var_m6: f64,
-    roughness_var_m6: f64,
+    slope_var_m6: f64,
+    /// Σ k of the patches in each square, by its south-west node.
+    squares: Vec<f64>,
+    roughness_var_m2: f64,
     pose_var_m6: f64,
     /// r of the turn after the one at hand.
     r_next: SVector<f64, SIZE>,
@@ -55,6 +60,7 @@ struct Sums {
     range_bias: f64,
     range_scale: f64,
     clock_offset: f64,
+    occlusion: f64,
     tags: Vec<Vector3<f64>>,
 }
 
@@ -68,7 +74,7 @@ pub fn data_budgets(
     q_m2: &[&[f64]],
     sigmas: &CalibrationSigmas,
 ) -> Vec<VolumeBudget> {
-    let mut sums = vec![Sums::new(); q_m2.len()];
+    let mut sums = vec![Sums::new(at.lattice.n_nodes()); q_m2.len()];
     let mut transition_to_next = SMatrix::<f64, SIZE, SIZE>::zeros();
     for footprint in footprints.iter().rev() {
         let s = add_turn(footprint, at, q_m2, &mut sums);
@@ -92,7 +98,7 @@ fn add_turn(
     for patch in &footprint.patches {
         let Some(datum) = turn.datum(patch).filter(|datum| at.believes(datum)) else { continue };
         for (q, (sums, s)) in q_m2.iter().zip(sums.iter_mut().zip(&mut s)) {
-            let k = datum.row.value(q) / datum.var_m2();
+            let k = datum.row.value(q) * datum.weight_per_m2;
             *s += datum.by_pose * k;
             sums.add(&datum, k);
         }
@@ -101,26 +107,32 @@ fn add_turn(
 }
 
 impl Sums {
-    fn new() -> Self {
+    fn new(n_nodes: usize) -> Self {
         Self {
             beam_var_m6: 0.0,
-            roughness_var_m6: 0.0,
+            slope_var_m6: 0.0,
+            squares: vec![0.0; n_nodes],
+            roughness_var_m2: 0.0,
             pose_var_m6: 0.0,
             r_next: SVector::zeros(),
             mount: Vector6::zeros(),
             range_bias: 0.0,
             range_scale: 0.0,
             clock_offset: 0.0,
+            occlusion: 0.0,
             tags: Vec::new(),
         }
     }
 
     fn add(&mut self, datum: &Datum, k: f64) {
         self.beam_var_m6 += k * k * datum.sensor_var_m2;
-        self.roughness_var_m6 += k * k * datum.roughness_var_m2;
+        self.slope_var_m6 += k * k * datum.slope_var_m2;
+        self.squares[datum.row.nodes[0] as usize] += k;
+        self.roughness_var_m2 = datum.roughness_var_m2;
         self.mount += datum.by_mount * k;
         self.range_bias += datum.by_range * k;
         self.range_scale += datum.by_range * datum.range_m * k;
+        self.occlusion += datum.hidden_m * k;
     }
 
     /// Everything that follows from s of one turn.
@@ -162,11 +174,18 @@ impl Sums {
             one(BudgetSource::RangeBias, 0, self.range_bias, sigmas.range_bias_m),
             one(BudgetSource::RangeScale, 0, self.range_scale, sigmas.range_scale),
             one(BudgetSource::ClockOffset, 0, self.clock_offset, sigmas.clock_offset_s),
+            one(BudgetSource::Occlusion, 0, self.occlusion, OCCLUSION_SHARE.1),
         ];
         let tags = self.tags.iter().flatten().enumerate().map(|(component, &dv_dc)| {
             one(BudgetSource::MarkerMap, component, dv_dc, sigmas.tag_place_m)
         });
         mount.chain(lidar).chain(tags).collect()
+    }
+
+    /// What the nodes cannot show: heights common to a square, slopes of every patch by itself.
+    fn roughness_var_m6(&self) -> f64 {
+        let squares_m4: f64 = self.squares.iter().map(|k| k * k).sum();
+        self.slope_var_m6 + self.roughness_var_m2 * squares_m4
     }
 
     fn budget(&self, sigmas: &CalibrationSigmas) -> VolumeBudget {
@@ -178,13 +197,14 @@ impl Sums {
         };
         let rows = vec![
             row(BudgetSource::BeamNoise, self.beam_var_m6),
-            row(BudgetSource::Roughness, self.roughness_var_m6),
+            row(BudgetSource::Roughness, self.roughness_var_m6()),
             row(BudgetSource::Pose, self.pose_var_m6),
             constant(BudgetSource::LidarMounting),
             constant(BudgetSource::RangeBias),
             constant(BudgetSource::RangeScale),
             constant(BudgetSource::ClockOffset),
             constant(BudgetSource::MarkerMap),
+            constant(BudgetSource::Occlusion),
         ];
         VolumeBudget { rows, shared }
     }

@@ -18,6 +18,7 @@ use super::grid_map::Bays;
 use super::mapper::SolvedSurface;
 use super::matern_field::{self, FieldError, Information, Lattice, Prior, Solution, Solver};
 use super::projection::LidarMount;
+use super::roughness::Residuals;
 use super::shares::SeenCells;
 use crate::messages::{BudgetRow, BudgetSource, HeightMap};
 use crate::time::{Mono, Stamp};
@@ -30,7 +31,7 @@ pub struct Settings {
     pub range_m: f64,
     /// Standard deviation `σ_f` of the heights about their mean level, m.
     pub sigma_m: f64,
-    /// Roughness below the cell size `σ_ε`, m.
+    /// Roughness below the cell size `σ_ε`, m, at least: the data may show more.
     pub nugget_m: f64,
     /// Expected mean level, m, and its standard deviation, m.
     pub mean_level_m: (f64, f64),
@@ -45,7 +46,7 @@ impl Default for Settings {
         Self {
             range_m: 5.0,
             sigma_m: 1.0,
-            nugget_m: 0.02,
+            nugget_m: 0.015,
             mean_level_m: (1.5, 1.5),
             slope_sigma: 0.6,
             calibration: CalibrationSigmas::default(),
@@ -73,6 +74,8 @@ pub struct NewestField {
     pub heights_m: Vec<f64>,
     /// Nodes that rest on data.
     pub is_known: Vec<bool>,
+    /// How far the patches of a square scatter about each other, m.
+    pub scatter_m: f64,
 }
 
 /// The turns of a flight, and the newest surface.
@@ -80,24 +83,34 @@ pub struct NewestField {
 pub struct FieldMap {
     setup: Arc<Setup>,
     footprints: Vec<Arc<Footprint>>,
+    /// How many patches each square has, by its south-west node.
+    n_patches: Vec<u32>,
     newest: Option<Arc<NewestField>>,
 }
 
 impl FieldMap {
     /// A map without a turn.
     #[must_use]
-    pub const fn new(setup: Arc<Setup>) -> Self {
-        Self { setup, footprints: Vec::new(), newest: None }
+    pub fn new(setup: Arc<Setup>) -> Self {
+        let n_patches = vec![0; setup.lattice.n_nodes()];
+        Self { setup, footprints: Vec::new(), n_patches, newest: None }
     }
 
     /// Takes in a turn.
     pub fn push(&mut self, footprint: Footprint) {
+        for patch in &footprint.patches {
+            let place = patch.place();
+            if let Some(row) = self.setup.lattice.row_at(place.x, place.y) {
+                self.n_patches[row.nodes[0] as usize] += 1;
+            }
+        }
         self.footprints.push(Arc::new(footprint));
     }
 
     /// Forgets all turns and surfaces.
     pub fn restart(&mut self) {
         self.footprints.clear();
+        self.n_patches.fill(0);
         self.newest = None;
     }
 
@@ -115,7 +128,7 @@ impl FieldMap {
     /// The linearisation at these heights, with the configured roughness.
     #[cfg(test)]
     pub(super) fn linearization<'a>(&'a self, heights_m: &'a [f64]) -> Linearization<'a> {
-        let at = self.setup.linearization(None);
+        let at = self.setup.linearization(&self.n_patches, None);
         Linearization { heights_m: Some(heights_m), ..at }
     }
 
@@ -132,6 +145,7 @@ impl FieldMap {
             at,
             setup: Arc::clone(&self.setup),
             footprints: self.footprints.clone(),
+            n_patches: self.n_patches.clone(),
             newest: self.newest.clone(),
             is_final,
         }
@@ -144,6 +158,7 @@ pub struct SolveField {
     at: Stamp<Mono>,
     setup: Arc<Setup>,
     footprints: Vec<Arc<Footprint>>,
+    n_patches: Vec<u32>,
     newest: Option<Arc<NewestField>>,
     is_final: bool,
 }
@@ -152,6 +167,8 @@ pub struct SolveField {
 struct Data {
     info: Information,
     n_refused: u64,
+    /// What the data differ by from the surface that they were linearised with.
+    residuals: Residuals,
 }
 
 /// One solution.
@@ -184,9 +201,13 @@ impl SolveField {
         self.account(round)
     }
 
+    fn linearization<'a>(&'a self, newest: Option<&'a NewestField>) -> Linearization<'a> {
+        self.setup.linearization(&self.n_patches, newest)
+    }
+
     /// One solution with the slopes of the one before.
     fn round(&self, before: Option<&NewestField>) -> Result<Round, FieldError> {
-        let data = self.gather(&self.setup.linearization(before));
+        let data = self.gather(&self.linearization(before));
         let solution = matern_field::solve(
             &self.setup.lattice,
             &self.setup.settings.prior(),
@@ -194,16 +215,26 @@ impl SolveField {
             Solver::Automatic,
             before.map(|before| before.heights_m.as_slice()),
         )?;
-        let is_known =
-            (0..self.setup.lattice.n_nodes()).map(|node| data.info.n_hits(node) > 0.0).collect();
-        let newest = NewestField { heights_m: solution.height_m().to_vec(), is_known };
+        let is_known = (0..self.setup.lattice.n_nodes())
+            .map(|node| data.info.n_hits(node) >= KNOWN_FROM_PATCHES)
+            .collect();
+        let scatter_m = data.residuals.scatter_m().or(before.map(|before| before.scatter_m));
+        let newest = NewestField {
+            heights_m: solution.height_m().to_vec(),
+            is_known,
+            scatter_m: scatter_m.unwrap_or(0.0),
+        };
         Ok(Round { solution, data, before: before.cloned(), newest })
     }
 
     /// Adds up what all turns know.
     fn gather(&self, at: &Linearization<'_>) -> Data {
         let setup = &self.setup;
-        let mut data = Data { info: Information::new(&setup.lattice), n_refused: 0 };
+        let mut data = Data {
+            info: Information::new(&setup.lattice),
+            n_refused: 0,
+            residuals: Residuals::new(setup.lattice.n_nodes()),
+        };
         for footprint in &self.footprints {
             let turn = Turn::new(footprint, *at);
             for patch in &footprint.patches {
@@ -212,7 +243,10 @@ impl SolveField {
                     data.n_refused += u64::from(patch.n_beams);
                     continue;
                 }
-                data.info.add(&datum.row, datum.height_m, 1.0 / datum.var_m2());
+                if let Some(surface_m) = at.known_surface_m(&datum.row) {
+                    data.residuals.push(&datum, surface_m);
+                }
+                data.info.add(&datum.row, datum.height_m, datum.weight_per_m2);
             }
         }
         data
@@ -221,32 +255,30 @@ impl SolveField {
     /// The volumes of a solution with their budgets.
     fn account(&self, round: Round) -> Result<SolvedSurface, FieldError> {
         let setup = &self.setup;
-        let at = setup.linearization(round.before.as_ref());
-        let areas_m2 = |bay: &BayOnGrid| setup.lattice.from_cells(&bay.base.cell_areas_m2);
-        let adjoint = |bay: &BayOnGrid| round.solution.adjoint(&areas_m2(bay), None);
-        let adjoints = setup.bays.iter().map(adjoint).collect::<Result<Vec<_>, _>>()?;
+        let at = self.linearization(round.before.as_ref());
+        let areas_m2 = setup.areas_m2();
+        let adjoint = |of_bay: &Vec<f64>| round.solution.adjoint(of_bay, None);
+        let adjoints = areas_m2.iter().map(adjoint).collect::<Result<Vec<_>, _>>()?;
         let q_m2: Vec<&[f64]> = adjoints.iter().map(|adjoint| adjoint.q.as_slice()).collect();
         let budgets = data_budgets(&self.footprints, &at, &q_m2, &setup.settings.calibration);
         let mean_m = setup.lattice.on_cells(&round.newest.heights_m);
         let seen = setup.seen(&round.data.info);
         let range_m = setup.settings.range_m;
-        let accounts = std::iter::zip(setup.bays.iter(), std::iter::zip(adjoints, budgets))
-            .map(|(bay, (adjoint, mut budget))| {
-                // An iterative solution leaves something of V, which its adjoint knows.
-                let w = areas_m2(bay);
-                let raw_m3: f64 =
-                    std::iter::zip(&w, round.solution.height_m()).map(|(w, h)| w * h).sum();
-                let left_m3 = round.solution.functional(&w, &adjoint) - raw_m3;
+        let solved = std::iter::zip(std::iter::zip(&areas_m2, &adjoints), budgets);
+        let accounts = std::iter::zip(setup.bays.iter(), solved)
+            .map(|(bay, ((areas_m2, adjoint), mut budget))| {
+                let above_floor_m3 = round.solution.functional(areas_m2, adjoint);
+                let volume_m3 = above_floor_m3 - bay.base.above_floor_m3();
                 let prior = BudgetRow { source: BudgetSource::Prior, var_m6: adjoint.prior_var };
                 budget.rows.insert(0, prior);
                 if !bay.base.errors.is_empty() {
                     budget.push_shared(BudgetSource::Base, &bay.base.errors);
                 }
-                bay.account(self.at, (&mean_m, left_m3), budget, &seen, range_m)
+                bay.account(self.at, (volume_m3, &mean_m), budget, &seen, range_m)
             })
             .collect();
         let sigma_m =
-            setup.lattice.on_cells(&self.var_m2(&round)?).iter().map(|var| var.sqrt()).collect();
+            setup.lattice.on_cells(&self.var_m2(&round)).iter().map(|var| var.sqrt()).collect();
         let surface = HeightMap { at: self.at, grid: *setup.lattice.grid(), mean_m, sigma_m };
         Ok(SolvedSurface {
             accounts,
@@ -259,15 +291,17 @@ impl SolveField {
 
 impl SolveField {
     /// Variance of the height at every node, m²: exact after landing and on maps that are solved by a
-    /// factor; in flight over larger ones, where the exact one takes gigabytes, what a node's own
-    /// data leave of the prior.
-    fn var_m2(&self, round: &Round) -> Result<Vec<f64>, FieldError> {
+    /// factor; in flight over larger ones, where the exact one takes gigabytes, and where the factor
+    /// does not fit into memory, what a node's own data leave of the prior. The volumes do not
+    /// depend on it.
+    fn var_m2(&self, round: &Round) -> Vec<f64> {
         let n_nodes = self.setup.lattice.n_nodes();
-        if self.is_final || n_nodes <= Solver::MOST_NODES_DIRECT {
-            return round.solution.marginal_var_m2();
-        }
+        let is_direct = n_nodes <= Solver::MOST_NODES_DIRECT;
+        let is_affordable = is_direct || self.is_final && n_nodes <= MOST_NODES_FINAL;
+        let exact = is_affordable.then(|| round.solution.marginal_var_m2().ok()).flatten();
         let prior_info = self.setup.settings.sigma_m.powi(-2);
-        Ok((0..n_nodes).map(|n| 1.0 / (prior_info + round.data.info.info_per_m2(n))).collect())
+        let own = |node| 1.0 / (prior_info + round.data.info.info_per_m2(node));
+        exact.unwrap_or_else(|| (0..n_nodes).map(own).collect())
     }
 }
 
@@ -282,10 +316,54 @@ impl Settings {
     }
 }
 
+/// Exact variances of more nodes than this take gigabytes: 500 × 500.
+const MOST_NODES_FINAL: usize = 250_000;
+/// A node may judge outliers from this much of a patch on.
+const KNOWN_FROM_PATCHES: f64 = 0.5;
 /// A cell counts as seen from this much of a patch on: one hit in its middle, or two beside it.
 const SEEN_FROM_PATCHES: f64 = 0.5;
 
 impl Setup {
+    /// The areas that each node stands for, m², of the whole region and of its bays.
+    fn areas_m2(&self) -> Vec<Vec<f64>> {
+        let mut areas_m2: Vec<Vec<f64>> =
+            self.bays.iter().map(|bay| self.areas_of_bay_m2(bay)).collect();
+        if let [whole, bays @ ..] = areas_m2.as_mut_slice()
+            && !bays.is_empty()
+        {
+            // The whole is the sum of its bays to the last digit.
+            for (node, area_m2) in whole.iter_mut().enumerate() {
+                *area_m2 = bays.iter().map(|bay| bay[node]).sum();
+            }
+        }
+        areas_m2
+    }
+
+    /// The area of a bay that each node stands for, m²: what its surface is integrated with.
+    ///
+    /// Whole cells count with their mean height. A cell that a border cuts counts with the height
+    /// where its base is taken, and over an earlier survey every cell does: an unchanged surface
+    /// has no volume over itself.
+    fn areas_of_bay_m2(&self, bay: &BayOnGrid) -> Vec<f64> {
+        let whole_m2 = self.lattice.grid().cell_area_m2() * (1.0 - 1e-9);
+        let mut of_whole_cells = vec![0.0; self.lattice.n_nodes()];
+        let mut areas_m2 = vec![0.0; self.lattice.n_nodes()];
+        for ((x_m, y_m), area_m2) in &bay.areas {
+            if *area_m2 >= whole_m2 && !bay.is_over_survey {
+                of_whole_cells[self.lattice.nearest_node(*x_m, *y_m)] += area_m2;
+            } else if let Some(row) = self.lattice.row_at(*x_m, *y_m) {
+                for (node, weight) in std::iter::zip(row.nodes, row.weights) {
+                    areas_m2[node as usize] += weight * area_m2;
+                }
+            } else {
+                // Between walls on all sides: its own cell's node stands alone.
+                areas_m2[self.lattice.nearest_node(*x_m, *y_m)] += area_m2;
+            }
+        }
+        let of_means = self.lattice.spread_over_cells(&of_whole_cells);
+        std::iter::zip(areas_m2, of_means).map(|(a, b)| a + b).collect()
+    }
+
     fn seen(&self, info: &Information) -> SeenCells {
         let grid = self.lattice.grid();
         let is_seen = |cell| info.n_hits(self.lattice.node_of_cell(cell)) >= SEEN_FROM_PATCHES;
@@ -293,13 +371,19 @@ impl Setup {
     }
 
     /// What a patch is worth beside the newest surface.
-    fn linearization<'a>(&'a self, newest: Option<&'a NewestField>) -> Linearization<'a> {
+    fn linearization<'a>(
+        &'a self,
+        n_patches: &'a [u32],
+        newest: Option<&'a NewestField>,
+    ) -> Linearization<'a> {
         Linearization {
             lattice: &self.lattice,
+            n_patches,
             heights_m: newest.map(|newest| newest.heights_m.as_slice()),
             is_known: newest.map_or(&[], |newest| newest.is_known.as_slice()),
             lidar: &self.lidar,
-            nugget_m: self.settings.nugget_m,
+            roughness_m: newest.map_or(0.0, |newest| newest.scatter_m).max(self.settings.nugget_m),
+            scatter_m: newest.map_or(0.0, |newest| newest.scatter_m),
             slope_sigma: self.settings.slope_sigma,
         }
     }

@@ -163,7 +163,13 @@ fn account(
     range_m: f64,
 ) -> VolumeAccount {
     let rows = vec![BudgetRow { source: BudgetSource::BeamNoise, var_m6 }];
-    bay.account(at, (mean_m, 0.0), VolumeBudget { rows, shared: Vec::new() }, seen, range_m)
+    bay.account(
+        at,
+        (bay.base.volume_m3(mean_m), mean_m),
+        VolumeBudget { rows, shared: Vec::new() },
+        seen,
+        range_m,
+    )
 }
 
 /// The work of turning cells into a surface and its volumes; a pure function of its fields.

@@ -253,9 +253,12 @@ fn field_setup(settings: &Settings, geometry: &GridGeometry, bays: &Bays) -> Arc
     let padding_m = PADDING_RANGES * settings.field.range_m;
     Arc::new(Setup {
         settings: settings.field,
-        lattice: Arc::new(Lattice::covering(geometry, padding_m, |a, b| {
-            settings.region.separates(a, b)
-        })),
+        lattice: Arc::new(Lattice::covering_beside_walls(
+            geometry,
+            padding_m,
+            |place| settings.region.beside_exclusions(place, settings.cell_m),
+            |a, b| settings.region.separates(a, b),
+        )),
         lidar: settings.lidar.clone(),
         bays: Arc::clone(bays),
     })

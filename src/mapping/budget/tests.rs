@@ -55,7 +55,10 @@ fn map() -> FieldMap {
         bays: Arc::new(vec![BayOnGrid {
             name: "hall".to_owned(),
             base: Base::level(0.0, areas),
-            areas: Vec::new(),
+            areas: (0..grid().n_cells())
+                .map(|cell| (grid().centre_m(cell), grid().cell_area_m2()))
+                .collect(),
+            is_over_survey: false,
             density: None,
         }]),
     }))
@@ -276,9 +279,11 @@ fn white_sources_match_the_scatter_of_noisy_flights() {
     let n_flights = 150_u32;
     let mut noise = SeedBook::new(7).stream("beams");
     let quiet = footprints(&Wrong::default());
+    let n_nodes = map().lattice().n_nodes();
     let mut squares_m6 = 0.0;
     for _ in 0..n_flights {
-        let noisy = quiet.iter().cloned().map(|turn| shaken(turn, &mut noise)).collect();
+        let rough: Vec<f64> = (0..n_nodes).map(|_| noise.normal()).collect();
+        let noisy = quiet.iter().cloned().map(|turn| shaken(turn, &rough, &mut noise)).collect();
         squares_m6 += (solved(noisy).estimate.volume_m3 - account.estimate.volume_m3).powi(2);
     }
     let ratio = squares_m6 / f64::from(n_flights) / claimed;
@@ -286,8 +291,9 @@ fn white_sources_match_the_scatter_of_noisy_flights() {
     assert!((0.65..1.35).contains(&ratio), "scatter over claim: {ratio}");
 }
 
-/// Every hit moved along the vertical by a draw of its own variance.
-fn shaken(mut turn: Footprint, noise: &mut Noise) -> Footprint {
+/// Every hit moved along the vertical by a draw of its own variance and by its square's roughness,
+/// of which one draw is given per square.
+fn shaken(mut turn: Footprint, rough: &[f64], noise: &mut Noise) -> Footprint {
     let map = map();
     let heights: Vec<f64> = (0..map.lattice().n_nodes())
         .map(|node| map.lattice().place_m(node))
@@ -300,8 +306,9 @@ fn shaken(mut turn: Footprint, noise: &mut Noise) -> Footprint {
     };
     for (patch, datum) in turn.patches.iter_mut().zip(data) {
         let Some(datum) = datum else { continue };
-        let sigma_m = (datum.sensor_var_m2 + datum.roughness_var_m2).sqrt();
-        patch.place_m[2] += (sigma_m * noise.normal()) as f32;
+        let own_sigma_m = (datum.sensor_var_m2 + datum.slope_var_m2).sqrt();
+        let rough_m = datum.roughness_var_m2.sqrt() * rough[datum.row.nodes[0] as usize];
+        patch.place_m[2] += (own_sigma_m * noise.normal() + rough_m) as f32;
     }
     turn
 }

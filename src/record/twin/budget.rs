@@ -11,6 +11,7 @@ enum BudgetSourceTwin {
     Prior,
     BeamNoise,
     Roughness,
+    Occlusion,
     Pose,
     LidarMounting,
     RangeBias,
