@@ -7,3 +7,4 @@ mod merge;
 mod parallel;
 mod support;
 mod survey;
+mod tracking;
