@@ -14,6 +14,7 @@
 
 pub mod base;
 pub mod bay;
+pub mod belief;
 pub mod budget;
 pub mod change;
 pub mod clip;

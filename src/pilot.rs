@@ -14,6 +14,7 @@ mod event;
 mod intake;
 mod job;
 mod route;
+mod survey_plan;
 
 pub use event::{Action, Event, FlightSummary, JobId, PhaseChange, VolumeReport};
 pub use job::{Job, JobOutput};
@@ -36,6 +37,7 @@ use nalgebra::Vector3;
 use route::Route;
 use std::collections::VecDeque;
 use std::time::Duration;
+use survey_plan::SurveyPlan;
 
 /// How often the brain wants [`Event::Ticked`], Hz. Odd ticks steer, even ones publish odometry.
 pub const TICK_RATE_HZ: u32 = 60;
@@ -108,7 +110,7 @@ struct Jobs {
     next_id: u64,
     solve: Option<JobId>,
     last_solve_at: Stamp<Mono>,
-    choice: Option<JobId>,
+    plan: Option<JobId>,
     /// The solve under way is the one after landing.
     is_final_solve: bool,
 }
@@ -131,11 +133,13 @@ impl Pilot {
             &settings.localization.marker_map,
             settings.localization.vision.corner_sigma_px,
         );
+        let mapper = Mapper::new(settings.mapping.clone());
+        let plan = SurveyPlan::new(settings.planning.clone(), free_space, &mapper);
         Self {
             localizer,
-            mapper: Mapper::new(settings.mapping.clone()),
+            mapper,
             mission: Mission::new(settings.mission),
-            route: Route::new(settings.planning.clone(), free_space),
+            route: Route::new(plan),
             frames: FrameWatch::new(settings.localization.cameras.len()),
             settings,
             now: Stamp::ZERO,
@@ -230,8 +234,8 @@ impl Pilot {
         self.run_mission(actions);
         if self.mission.phase() == Phase::Survey {
             self.route.survey(now);
-            self.choose_if_due(actions);
         }
+        self.plan_if_due(actions);
         if self.n_ticks % 2 == 1 {
             self.steer(actions);
         } else {
@@ -280,9 +284,9 @@ impl Pilot {
                 .battery
                 .filter(|battery| self.now.since(battery.at) < BATTERY_OLD_AFTER)
                 .map(|battery| battery.remaining_ratio),
-            has_plan: self.route.has_plan(),
-            is_plan_done: self.route.is_done(),
-            is_plan_complete: self.route.is_complete(),
+            has_plan: self.route.plan.has_somewhere_to_go(),
+            is_plan_done: self.route.plan.is_done(),
+            is_plan_complete: self.route.plan.is_complete(),
             heading_error_rad: self.localizer.estimate().map(|estimate| {
                 let yaw_rad = estimate.hall_from_body.rotation.yaw_rad();
                 wrapped_rad(yaw_rad - self.route.settings().yaw_rad)
@@ -313,7 +317,7 @@ impl Pilot {
                 Effect::Ended { is_complete } => {
                     self.ending = Some(Ending {
                         is_complete,
-                        steps_done: self.route.steps_done(),
+                        steps_done: self.route.plan.steps_done(),
                         path_length_m: self.flown.length_m,
                     });
                     self.start_solve(true, actions);
@@ -330,7 +334,7 @@ impl Pilot {
                 // The next flight measures anew: the material may have moved.
                 self.mapper.restart();
                 self.accounts.clear();
-                self.jobs.choice = None;
+                self.jobs.plan = None;
                 self.route.restart();
                 self.flown = FlownPath::default();
                 self.home = here;
@@ -373,7 +377,7 @@ impl Pilot {
         {
             self.route.stand(&estimate.hall_from_body.origin.coords, self.now);
         }
-        let yaw_rad = self.route.settings().yaw_rad;
+        let yaw_rad = self.route.yaw_at(self.now);
         let Some(setpoint) = self.route.segment().map(|s| s.setpoint_at(self.now, yaw_rad)) else {
             return;
         };
@@ -446,21 +450,25 @@ impl Pilot {
         actions.push(Action::Start { id, job: Box::new(job) });
     }
 
-    fn choose_if_due(&mut self, actions: &mut Vec<Action>) {
-        if self.jobs.choice.is_some() {
-            return;
-        }
-        let Some(knot) = self.route.knot_at(self.now) else { return };
-        let from = Waypoint {
-            place: Point::from_coords(knot.position),
-            yaw_rad: self.route.settings().yaw_rad,
+    /// Asks for waypoints; the first ones while the vehicle still climbs.
+    fn plan_if_due(&mut self, actions: &mut Vec<Action>) {
+        let from = match self.mission.phase() {
+            Phase::TakeOff => self.home.map(|home| self.above(&home)),
+            Phase::Survey => self.route.knot_at(self.now).map(|knot| knot.position),
+            _ => None,
         };
+        let Some(from) = from.filter(|_| self.jobs.plan.is_none()) else { return };
+        let yaw_rad = self.route.yaw_at(self.now);
+        let from = Waypoint { place: Point::from_coords(from), yaw_rad };
         let lidar = &self.settings.mapping.lidar;
-        if let Some(choice) = self.route.choice_due(&from, &self.mapper, lidar) {
+        let whole = self.accounts.first();
+        let longest_m = f64::INFINITY;
+        let plan = &mut self.route.plan;
+        if let Some(request) = plan.plan_due(&from, &self.mapper, lidar, whole, longest_m, self.now)
+        {
             let id = self.new_job_id();
-            self.jobs.choice = Some(id);
-            actions
-                .push(Action::Start { id, job: Box::new(Job::ChooseWaypoint(Box::new(choice))) });
+            self.jobs.plan = Some(id);
+            actions.push(Action::Start { id, job: Box::new(Job::Plan(Box::new(request))) });
         }
     }
 
@@ -472,9 +480,9 @@ impl Pilot {
 
     fn on_finished(&mut self, id: JobId, output: JobOutput, actions: &mut Vec<Action>) {
         match output {
-            JobOutput::WaypointChosen(chosen) if self.jobs.choice == Some(id) => {
-                self.jobs.choice = None;
-                self.route.on_choice(chosen, self.now);
+            JobOutput::Planned(plan) if self.jobs.plan == Some(id) => {
+                self.jobs.plan = None;
+                self.route.on_plan(plan, self.now);
             }
             JobOutput::SurfaceSolved(solved) if self.jobs.solve == Some(id) => {
                 self.jobs.solve = None;
@@ -482,15 +490,15 @@ impl Pilot {
             }
             JobOutput::Died => self.on_died(id, actions),
             // A job that a later one has replaced.
-            JobOutput::WaypointChosen(_) | JobOutput::SurfaceSolved(_) => {}
+            JobOutput::Planned(_) | JobOutput::SurfaceSolved(_) => {}
         }
     }
 
     /// Goes on without the result of a job: no more waypoints, or the last volume.
     fn on_died(&mut self, id: JobId, actions: &mut Vec<Action>) {
-        if self.jobs.choice == Some(id) {
-            self.jobs.choice = None;
-            self.route.on_choice(None, self.now);
+        if self.jobs.plan == Some(id) {
+            self.jobs.plan = None;
+            self.route.plan.on_no_plan();
             say(actions, Severity::Error, "the planner died: ending the survey".to_owned());
         } else if self.jobs.solve == Some(id) {
             self.jobs.solve = None;
@@ -504,12 +512,23 @@ impl Pilot {
             Ok(solved) => {
                 self.mapper.absorb(&solved);
                 self.accounts.clone_from(&solved.accounts);
+                self.stop_at_target(actions);
                 actions.push(Action::VolumesAccounted(solved.accounts));
                 actions.push(Action::SurfaceSolved(Box::new(solved.surface)));
             }
             Err(error) => say(actions, Severity::Error, format!("no surface: {error}")),
         }
         self.end_if_final(actions);
+    }
+
+    /// Ends the survey once the volume is sure enough.
+    fn stop_at_target(&mut self, actions: &mut Vec<Action>) {
+        let is_surveying = self.mission.phase() == Phase::Survey;
+        let Some(whole) = self.accounts.first().filter(|_| is_surveying) else { return };
+        if self.route.plan.stops_at_target(whole) {
+            let percent = 100.0 * whole.estimate.sigma_m3 / whole.estimate.volume_m3;
+            say(actions, Severity::Info, format!("volume known to {percent:.2} %: survey ends"));
+        }
     }
 
     /// After the last solve of a flight: the final report.
@@ -540,7 +559,7 @@ impl Pilot {
             estimate,
             hits: self.mapper.counts(),
             phase: self.mission.phase(),
-            steps_done: self.route.steps_done(),
+            steps_done: self.route.plan.steps_done(),
             battery_ratio: self.battery.map(|battery| battery.remaining_ratio),
             position_sigma_m: self.localizer.position_sigma_m(),
             is_final,

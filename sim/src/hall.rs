@@ -69,7 +69,8 @@ pub fn config(scenario: &Scenario, devices: Devices) -> Config {
         planning: PlanningSection {
             planner: scenario.planner.config_name(),
             n_steps: scenario.n_steps,
-            leg_spacing_m: conditions.leg_spacing_m.unwrap_or(planning.leg_spacing_m),
+            leg_spacing_m: conditions.leg_spacing_m,
+            target_percent: conditions.target_percent,
             max_speed_mps: conditions.cruise_mps.unwrap_or(planning.max_speed_mps),
             ..planning
         },
@@ -285,7 +286,7 @@ mod tests {
         assert!((told.surface.slope_sigma / plain.surface.slope_sigma - 2.0).abs() < 1e-12);
         assert_eq!(told.surface.volume_variance, VolumeVarianceName::Printed);
         assert!((told.planning.max_speed_mps - 0.5).abs() < 1e-12);
-        assert!((told.planning.leg_spacing_m - 2.5).abs() < 1e-12);
+        assert_eq!(told.planning.leg_spacing_m, Some(2.5));
         let offsets_m: Vec<f64> = std::iter::zip(&told.tags, &unusual.world.tags)
             .flat_map(|(told, hung)| {
                 (0..3).map(|k| told.corners_m[0][k] - hung.corners[0].coords[k])

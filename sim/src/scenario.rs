@@ -21,7 +21,7 @@ pub struct ScenarioArgs {
     #[arg(long, default_value = "alps")]
     pub world: String,
     /// Who chooses the waypoints.
-    #[arg(long, value_enum, default_value_t = Planner::Greedy)]
+    #[arg(long, value_enum, default_value_t = Planner::Horizon)]
     pub planner: Planner,
     /// Metres in the hall per unit of length in the grid file.
     #[arg(long, default_value_t = 0.001)]
@@ -45,9 +45,12 @@ pub struct ScenarioArgs {
     /// climb takes longer than a take-off may.
     #[arg(long, value_name = "M_PER_S")]
     pub cruise_mps: Option<f64>,
-    /// Distance of neighbouring legs of the square wave, m; the service's own default if left out.
+    /// Distance of neighbouring legs of the square wave, m; left out, the best is looked for.
     #[arg(long, value_name = "M")]
     pub leg_spacing_m: Option<f64>,
+    /// The survey ends once σ^V is this share of V, %; left out, it flies all its steps.
+    #[arg(long, value_name = "PERCENT")]
+    pub target_percent: Option<f64>,
     /// Each run draws errors of calibration from their σ, and the service is told these σ: of all
     /// sources, or of those named after `=`.
     #[arg(
@@ -78,6 +81,8 @@ pub enum Planner {
     SquareWave,
     /// The paper's one-step planner.
     Greedy,
+    /// Whole paths, scored by the σ^V that they leave.
+    Horizon,
 }
 
 /// How the surface is kept.
@@ -134,6 +139,7 @@ impl Planner {
         match self {
             Self::SquareWave => PlannerName::SquareWave,
             Self::Greedy => PlannerName::Greedy,
+            Self::Horizon => PlannerName::Horizon,
         }
     }
 
@@ -143,6 +149,7 @@ impl Planner {
         match self {
             Self::SquareWave => "square-wave",
             Self::Greedy => "greedy",
+            Self::Horizon => "horizon",
         }
     }
 }
@@ -202,8 +209,10 @@ pub struct Conditions {
     pub hazards: Hazards,
     /// Largest speed of the survey, m/s; the service's own default if `None`.
     pub cruise_mps: Option<f64>,
-    /// Distance of the square wave's legs, m; the service's own default if `None`.
+    /// Distance of the square wave's legs, m; the best is looked for if `None`.
     pub leg_spacing_m: Option<f64>,
+    /// The survey ends once σ^V is this share of V, %; it flies all its steps if `None`.
+    pub target_percent: Option<f64>,
 }
 
 impl Default for Conditions {
@@ -216,6 +225,7 @@ impl Default for Conditions {
             hazards: Hazards::default(),
             cruise_mps: None,
             leg_spacing_m: None,
+            target_percent: None,
         }
     }
 }
@@ -291,6 +301,7 @@ impl ScenarioArgs {
             hazards: self.hazards,
             cruise_mps: self.cruise_mps,
             leg_spacing_m: self.leg_spacing_m,
+            target_percent: self.target_percent,
         }
     }
 

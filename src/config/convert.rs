@@ -18,6 +18,10 @@ use crate::units::rad_from_deg;
 use crate::{camera, lidar, link, mission, pilot};
 use std::time::Duration;
 
+/// Variance of the filter's pose over that of one fix: 20 frames a second, each believed for about
+/// half a second.
+const FIX_VAR_SHARE: f64 = 0.1;
+
 /// A number inside its range, or the error that names key, value and range.
 pub(super) fn within(
     key: &str,
@@ -356,6 +360,7 @@ impl Config {
             planner: match p.planner {
                 PlannerName::SquareWave => PlannerKind::SquareWave,
                 PlannerName::Greedy => PlannerKind::Greedy,
+                PlannerName::Horizon => PlannerKind::Horizon,
             },
             n_steps: p.n_steps,
             height_m: metres("planning.height_m", p.height_m, (lowest_m, 100.0))?,
@@ -366,7 +371,15 @@ impl Config {
                 x_max_m: region.x_max_m - inset_m,
                 y_max_m: region.y_max_m - inset_m,
             },
-            leg_spacing_m: metres("planning.leg_spacing_m", p.leg_spacing_m, (0.2, 100.0))?,
+            target_ratio: p
+                .target_percent
+                .map(|percent| within("planning.target_percent", percent, (0.01, 100.0), "%"))
+                .transpose()?
+                .map(|percent| percent / 100.0),
+            leg_spacing_m: p
+                .leg_spacing_m
+                .map(|spacing_m| metres("planning.leg_spacing_m", spacing_m, (0.2, 100.0)))
+                .transpose()?,
             step_radius_m: metres("planning.step_radius_m", p.step_radius_m, (0.2, 100.0))?,
             candidate_spacing_m: metres(
                 "planning.candidate_spacing_m",
@@ -386,6 +399,10 @@ impl Config {
                 (0.0, 1e6),
                 "1/√(m² + rad²)",
             )?,
+            slope_sigma: self.surface.slope_sigma,
+            turn_rate_radps: 0.6,
+            fix_var_share: FIX_VAR_SHARE,
+            seed: p.seed,
             limits: Limits {
                 speed_mps: within("planning.max_speed_mps", p.max_speed_mps, (0.1, 15.0), "m/s")?,
                 accel_mps2: within(
@@ -402,7 +419,8 @@ impl Config {
     fn check_square_wave_heading(&self) -> Result<(), ConfigError> {
         let p = &self.planning;
         let is_along_x = rad_from_deg(p.yaw_deg).cos().abs() > 0.95;
-        if p.planner == PlannerName::SquareWave && !is_along_x {
+        let is_fixed = p.planner == PlannerName::SquareWave && p.leg_spacing_m.is_some();
+        if is_fixed && !is_along_x {
             let message = "the square wave's legs run along x: head along x (0 or 180 deg)";
             return Err(invalid("planning.yaw_deg", message));
         }

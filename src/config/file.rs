@@ -400,6 +400,8 @@ pub enum PlannerName {
     SquareWave,
     /// The paper's one-step planner.
     Greedy,
+    /// Whole paths, scored by the σ^V that they leave.
+    Horizon,
 }
 
 /// Waypoints and trajectory.
@@ -416,8 +418,10 @@ pub struct PlanningSection {
     pub yaw_deg: f64,
     /// Waypoints keep this distance inside the region's border, m; negative flies beyond it.
     pub inset_m: f64,
-    /// Distance of neighbouring legs of the square wave, m.
-    pub leg_spacing_m: f64,
+    /// The survey ends once σ^V is this share of V, %; left out, it flies all its waypoints.
+    pub target_percent: Option<f64>,
+    /// Distance of neighbouring legs of the square wave, m; left out, the best is looked for.
+    pub leg_spacing_m: Option<f64>,
     /// How far the greedy planner looks, R, m.
     pub step_radius_m: f64,
     /// Distance of neighbouring candidate waypoints, m.
@@ -426,6 +430,8 @@ pub struct PlanningSection {
     pub swath_half_angle_deg: f64,
     /// Waypoints need a quality of fix above τ, 1/√(m² + rad²).
     pub min_fix_quality: f64,
+    /// Seed of the search for paths.
+    pub seed: u64,
     /// Largest speed, m/s.
     pub max_speed_mps: f64,
     /// Largest acceleration, m/s².
@@ -435,16 +441,18 @@ pub struct PlanningSection {
 impl Default for PlanningSection {
     fn default() -> Self {
         Self {
-            planner: PlannerName::Greedy,
+            planner: PlannerName::Horizon,
             n_steps: 50,
             height_m: 7.0,
             yaw_deg: 0.0,
             inset_m: 0.0,
-            leg_spacing_m: 5.0,
+            target_percent: None,
+            leg_spacing_m: None,
             step_radius_m: 2.0,
             candidate_spacing_m: 1.0,
             swath_half_angle_deg: 50.0,
             min_fix_quality: 8.0,
+            seed: 0,
             max_speed_mps: 2.0,
             max_accel_mps2: 2.0,
         }

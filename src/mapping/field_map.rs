@@ -13,7 +13,7 @@
 use super::bay::BayOnGrid;
 use super::budget::{CalibrationSigmas, data_budgets};
 use super::datum::{Linearization, Turn};
-use super::footprint::Footprint;
+use super::footprint::{Footprint, Patch};
 use super::grid_map::Bays;
 use super::mapper::SolvedSurface;
 use super::matern_field::{self, FieldError, Information, Lattice, Prior, Solution, Solver};
@@ -258,6 +258,25 @@ impl SolveField {
 }
 
 impl SolveField {
+    /// Shows every patch that the newest surface believes, of the turns up to an instant, with its
+    /// information 1/R, 1/m².
+    pub(super) fn for_each_patch(
+        &self,
+        until: Option<Stamp<Mono>>,
+        mut visit: impl FnMut(&Footprint, &Patch, f64),
+    ) {
+        let at = self.setup.linearization(self.newest.as_deref());
+        let is_past = |f: &&Arc<Footprint>| until.is_none_or(|until| f.error.at <= until);
+        for footprint in self.footprints.iter().filter(is_past) {
+            let turn = Turn::new(footprint, at);
+            for patch in &footprint.patches {
+                if let Some(datum) = turn.datum(patch).filter(|datum| at.believes(datum)) {
+                    visit(footprint, patch, 1.0 / datum.var_m2());
+                }
+            }
+        }
+    }
+
     /// Variance of the height at every node, m²: exact after landing and on maps that are solved by a
     /// factor; in flight over larger ones, where the exact one takes gigabytes, what a node's own
     /// data leave of the prior.
@@ -272,7 +291,9 @@ impl SolveField {
 }
 
 impl Settings {
-    const fn prior(&self) -> Prior {
+    /// The field before any beam.
+    #[must_use]
+    pub const fn prior(&self) -> Prior {
         Prior {
             range_m: self.range_m,
             sigma_m: self.sigma_m,

@@ -181,6 +181,16 @@ pub struct SolveGrid {
 }
 
 impl SolveGrid {
+    /// Variance of each cell, m².
+    pub(super) fn cell_var_m2(&self) -> &[f64] {
+        &self.cell_var_m2
+    }
+
+    /// σ of a cell before any hit, m.
+    pub(super) const fn prior_sigma_m(&self) -> f64 {
+        self.gp.sigma_m
+    }
+
     /// Solves.
     ///
     /// # Errors

@@ -1,6 +1,7 @@
 //! The face of the mapping: scans and poses in, surface and volumes out.
 
 use super::base::BaseSurface;
+use super::belief::CoarseField;
 use super::field_map::{self, FieldMap, NewestField, Setup, SolveField};
 use super::footprint::{Footprint, LineHit, gather};
 use super::grid_map::{self, Bays, GridMap, SolveGrid};
@@ -223,6 +224,17 @@ impl Mapper {
     #[must_use]
     pub fn base(&self) -> &Base {
         &self.bays[0].base
+    }
+
+    /// The coarse lattice on which planners weigh flights.
+    ///
+    /// # Errors
+    /// [`FieldError`] for a prior that is none.
+    pub fn coarse_field(&self) -> Result<CoarseField, FieldError> {
+        let settings = &self.settings;
+        let areas_m2 = &self.base().cell_areas_m2;
+        let fine = *self.grid().geometry();
+        CoarseField::new(&settings.region, fine, areas_m2, settings.field.prior())
     }
 
     /// Everything a solve of the surface needs, as it is now.

@@ -1,15 +1,13 @@
 //! The waypoints of the survey and the trajectory along them.
 
-use crate::mapping::Mapper;
-use crate::mapping::projection::LidarMount;
-use crate::planning::free_space::FreeSpace;
-use crate::planning::greedy::ChooseWaypoint;
-use crate::planning::trajectory::{Knot, Segment, passing_velocity};
-use crate::planning::{PlannerKind, Settings, Waypoint, square_wave};
+use super::survey_plan::SurveyPlan;
+use crate::planning::Settings;
+use crate::planning::planner::Plan;
+use crate::planning::trajectory::{Knot, Limits, Segment, passing_velocity};
 use crate::time::{Mono, Stamp};
+use crate::units::wrapped_rad;
 use nalgebra::Vector3;
 use std::collections::VecDeque;
-use std::sync::Arc;
 
 /// Waypoints whose braking is looked after. The last of them counts as a stop, so fewer would only
 /// fly slower: 20 m of 2 m steps brake from 6 m/s at 2 m/s².
@@ -18,21 +16,16 @@ const LOOK_AHEAD: usize = 10;
 /// Where the survey goes next, and the present piece of trajectory.
 #[derive(Debug, Clone)]
 pub(super) struct Route {
-    settings: Settings,
-    free_space: Arc<FreeSpace>,
-    /// Decided, not reached; the first is being flown to during the survey.
-    ahead: VecDeque<Waypoint>,
-    steps_done: usize,
-    /// Steps decided so far, reached ones included.
-    steps_decided: usize,
-    /// The planner found nothing more.
-    is_exhausted: bool,
+    /// The waypoints.
+    pub(super) plan: SurveyPlan,
     /// Where to go off the survey.
     destination: Option<Vector3<f64>>,
     /// Places on the way there, once it is under way.
     transit: VecDeque<Vector3<f64>>,
     segment: Option<Segment>,
     track: Track,
+    /// Heading that is commanded, rad, and since when.
+    yaw: Option<(f64, Stamp<Mono>)>,
 }
 
 /// What the present segment leads to.
@@ -50,100 +43,46 @@ enum Track {
 const TRANSIT_SPACING_M: f64 = 2.5;
 
 impl Route {
-    pub(super) fn new(settings: Settings, free_space: FreeSpace) -> Self {
-        let mut route = Self {
-            settings,
-            free_space: Arc::new(free_space),
-            ahead: VecDeque::new(),
-            steps_done: 0,
-            steps_decided: 0,
-            is_exhausted: false,
+    pub(super) fn new(plan: SurveyPlan) -> Self {
+        Self {
+            plan,
             destination: None,
             transit: VecDeque::new(),
             segment: None,
             track: Track::Stop,
-        };
-        route.restart();
-        route
+            yaw: None,
+        }
     }
 
     /// Forgets the last flight.
     pub(super) fn restart(&mut self) {
-        self.ahead = match self.settings.planner {
-            PlannerKind::SquareWave => square_wave::waypoints(&self.settings)
-                .into_iter()
-                .filter(|w| {
-                    self.free_space.nearest(w).is_some_and(|s| self.free_space.is_feasible(s))
-                })
-                .collect(),
-            PlannerKind::Greedy => VecDeque::new(),
-        };
-        self.steps_decided = self.ahead.len();
-        self.steps_done = 0;
-        self.is_exhausted = self.settings.planner == PlannerKind::SquareWave;
+        self.plan.restart();
         self.let_go();
     }
 
-    /// True if there is somewhere to fly.
-    pub(super) fn has_plan(&self) -> bool {
-        match self.settings.planner {
-            PlannerKind::SquareWave => !self.ahead.is_empty(),
-            PlannerKind::Greedy => self.free_space.feasible().next().is_some(),
-        }
-    }
-
-    /// All waypoints are reached and no more will come.
-    pub(super) fn is_done(&self) -> bool {
-        self.ahead.is_empty() && (self.is_exhausted || self.steps_decided >= self.settings.n_steps)
-    }
-
-    /// Every waypoint that was wished for is flown; false if the planner ran out of them.
-    pub(super) fn is_complete(&self) -> bool {
-        let wanted = match self.settings.planner {
-            PlannerKind::SquareWave => self.steps_decided,
-            PlannerKind::Greedy => self.settings.n_steps,
-        };
-        wanted > 0 && self.steps_done >= wanted
-    }
-
-    pub(super) const fn steps_done(&self) -> usize {
-        self.steps_done
-    }
-
-    /// The greedy choice that is due, if any: one waypoint is kept decided beyond the present one.
-    pub(super) fn choice_due(
-        &self,
-        from: &Waypoint,
-        mapper: &Mapper,
-        lidar: &LidarMount,
-    ) -> Option<ChooseWaypoint> {
-        let is_due = !self.is_exhausted
-            && self.steps_decided < self.settings.n_steps
-            && self.ahead.len() < 2;
-        is_due.then(|| ChooseWaypoint {
-            belief: mapper.grid().clone(),
-            pending: std::iter::once(*from).chain(self.ahead.iter().copied()).collect(),
-            free_space: Arc::clone(&self.free_space),
-            lidar: lidar.clone(),
-            cell_areas_m2: mapper.base().cell_areas_m2.clone().into(),
-            settings: self.settings.clone(),
-        })
-    }
-
     /// Takes in what the planner chose.
-    pub(super) fn on_choice(&mut self, chosen: Option<Waypoint>, now: Stamp<Mono>) {
-        match chosen {
-            Some(waypoint) => {
-                self.ahead.push_back(waypoint);
-                self.steps_decided += 1;
-                // The way to the present waypoint can pass it now instead of stopping there, if
-                // the present motion allows; otherwise it goes on as planned.
-                if self.track == Track::Survey && self.ahead.len() >= 2 {
-                    self.fly(Track::Survey, now, self.knot_at(now));
-                }
-            }
-            None => self.is_exhausted = true,
+    pub(super) fn on_plan(&mut self, plan: Plan, now: Stamp<Mono>) {
+        // The way to the present waypoint can pass it now instead of stopping there, or has to stop
+        // there, if the present motion allows; otherwise it goes on as planned.
+        if self.plan.on_plan(plan) && self.track == Track::Survey {
+            self.fly(Track::Survey, now, self.knot_at(now));
         }
+    }
+
+    /// Heading to command, rad: turns evenly towards that of the next waypoint.
+    pub(super) fn yaw_at(&mut self, now: Stamp<Mono>) -> f64 {
+        let settings = self.plan.settings();
+        let wanted_rad = match self.track {
+            Track::Survey => self.plan.ahead().front().map(|waypoint| waypoint.yaw_rad),
+            Track::Transit => Some(settings.yaw_rad),
+            Track::Stop => None,
+        };
+        let (present_rad, since) = self.yaw.unwrap_or((settings.yaw_rad, now));
+        let most_rad = settings.turn_rate_radps * now.seconds_since(since).clamp(0.0, 0.1);
+        let turn_rad = wanted_rad.map_or(0.0, |wanted_rad| wrapped_rad(wanted_rad - present_rad));
+        let yaw_rad = wrapped_rad(present_rad + turn_rad.clamp(-most_rad, most_rad));
+        self.yaw = Some((yaw_rad, now));
+        yaw_rad
     }
 
     /// Leaves the present trajectory for the survey, unless it is on it already.
@@ -163,9 +102,9 @@ impl Route {
         let Some((end_at, end)) = finished.map(|s| (s.end_at(), *s.end())) else { return };
         let track = self.track;
         match track {
+            Track::Survey if !self.has_turned() => return,
             Track::Survey => {
-                self.ahead.pop_front();
-                self.steps_done += 1;
+                self.plan.reach();
             }
             Track::Transit => {
                 self.transit.pop_front();
@@ -187,19 +126,48 @@ impl Route {
     fn fly(&mut self, track: Track, at: Stamp<Mono>, from: Option<Knot>) -> bool {
         let places: Vec<Vector3<f64>> = match track {
             Track::Stop => return false,
-            Track::Survey => self.ahead.iter().take(LOOK_AHEAD).map(|w| w.place.coords).collect(),
+            Track::Survey => {
+                self.plan.ahead().iter().take(LOOK_AHEAD).map(|w| w.place.coords).collect()
+            }
             Track::Transit => self.transit.iter().take(LOOK_AHEAD).copied().collect(),
         };
         let (Some(from), Some(&first)) = (from, places.first()) else { return false };
         let path: Vec<_> = std::iter::once(from.position).chain(places).collect();
-        let velocity = passing_velocity(from.velocity.norm(), &path, &self.settings.limits);
+        let limits = self.limits_while_turning(track, &from.position);
+        let velocity = passing_velocity(from.velocity.norm(), &path, &limits);
         let to = Knot { position: first, velocity, accel: Vector3::zeros() };
-        let Some(segment) = Segment::between(at, &from, &to, &self.settings.limits) else {
+        let all = &self.plan.settings().limits;
+        let segment = Segment::between(at, &from, &to, &limits)
+            .or_else(|| Segment::between(at, &from, &to, all));
+        let Some(segment) = segment else {
             return false;
         };
         self.segment = Some(segment);
         self.track = track;
         true
+    }
+
+    /// Slow enough for the heading to come along.
+    fn limits_while_turning(&self, track: Track, from: &Vector3<f64>) -> Limits {
+        let settings = self.plan.settings();
+        let mut limits = settings.limits;
+        if let (Track::Survey, Some(to), Some((yaw_rad, _))) =
+            (track, self.plan.ahead().front(), self.yaw)
+        {
+            let turn_s = wrapped_rad(to.yaw_rad - yaw_rad).abs() / settings.turn_rate_radps;
+            let way_m = (to.place.coords - from).norm();
+            if turn_s > 0.0 {
+                limits.speed_mps = limits.speed_mps.min((way_m / turn_s).max(0.1));
+            }
+        }
+        limits
+    }
+
+    /// True once the heading is that of the first waypoint ahead.
+    fn has_turned(&self) -> bool {
+        let wanted = self.plan.ahead().front().map(|waypoint| waypoint.yaw_rad);
+        let turn_rad = wanted.zip(self.yaw).map_or(0.0, |(to, (yaw, _))| wrapped_rad(to - yaw));
+        turn_rad.abs() < 0.15
     }
 
     /// Flies straight to a place off the survey and stops there; stops first where it must.
@@ -236,7 +204,7 @@ impl Route {
 
     fn slow_down(&mut self, now: Stamp<Mono>) {
         let Some(from) = self.knot_at(now) else { return };
-        self.segment = Some(Segment::brake(now, &from, &self.settings.limits));
+        self.segment = Some(Segment::brake(now, &from, &self.plan.settings().limits));
         self.track = Track::Stop;
     }
 
@@ -252,6 +220,7 @@ impl Route {
         self.forget_destination();
         self.segment = None;
         self.track = Track::Stop;
+        self.yaw = None;
     }
 
     /// Where the trajectory ends, once everything on the way there is flown.
@@ -270,6 +239,6 @@ impl Route {
     }
 
     pub(super) const fn settings(&self) -> &Settings {
-        &self.settings
+        self.plan.settings()
     }
 }

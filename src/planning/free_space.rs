@@ -92,6 +92,12 @@ impl FreeSpace {
         self.sites.iter().min_by(|a, b| distance_m(a).total_cmp(&distance_m(b)))
     }
 
+    /// Covariance of one fix from there, 6×6; `None` where a fix is not observable.
+    #[must_use]
+    pub fn fix_cov(&self, waypoint: &Waypoint) -> Option<Matrix6<f64>> {
+        self.nearest(waypoint)?.fix_cov
+    }
+
     /// True if the vehicle may be there and knows where it is.
     #[must_use]
     pub fn is_free(&self, waypoint: &Waypoint) -> bool {
