@@ -41,4 +41,6 @@ mod mapper;
 mod rect;
 
 pub use grid_map::VolumeVariance;
-pub use mapper::{Mapper, Method, PoseWithCov, Settings, SolveError, SolveSurface, SolvedSurface};
+pub use mapper::{
+    KnownHeights, Mapper, Method, PoseWithCov, Settings, SolveError, SolveSurface, SolvedSurface,
+};

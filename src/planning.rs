@@ -58,6 +58,8 @@ pub struct Settings {
     pub min_fix_quality: f64,
     /// Standard deviation of the slope of ground that is not known, no unit.
     pub slope_sigma: f64,
+    /// What the map knows hides what is behind it; otherwise predictions see a flat surface.
+    pub sees_shadows: bool,
     /// The heading changes no faster, rad/s.
     pub turn_rate_radps: f64,
     /// Variance of the filter's pose over that of one fix, as predictions assume it.

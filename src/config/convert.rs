@@ -400,6 +400,7 @@ impl Config {
                 "1/√(m² + rad²)",
             )?,
             slope_sigma: self.surface.slope_sigma,
+            sees_shadows: p.shadows.unwrap_or(p.planner == PlannerName::Horizon),
             turn_rate_radps: 0.6,
             fix_var_share: FIX_VAR_SHARE,
             seed: p.seed,

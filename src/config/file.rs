@@ -430,6 +430,9 @@ pub struct PlanningSection {
     pub swath_half_angle_deg: f64,
     /// Waypoints need a quality of fix above τ, 1/√(m² + rad²).
     pub min_fix_quality: f64,
+    /// Predictions know that high ground hides what is behind it; otherwise they see a flat surface.
+    /// Left out, `horizon` does and the others, to the paper's letter, do not.
+    pub shadows: Option<bool>,
     /// Seed of the search for paths.
     pub seed: u64,
     /// Largest speed, m/s.
@@ -452,6 +455,7 @@ impl Default for PlanningSection {
             candidate_spacing_m: 1.0,
             swath_half_angle_deg: 50.0,
             min_fix_quality: 8.0,
+            shadows: None,
             seed: 0,
             max_speed_mps: 2.0,
             max_accel_mps2: 2.0,

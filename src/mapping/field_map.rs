@@ -19,7 +19,7 @@ use super::mapper::SolvedSurface;
 use super::matern_field::{self, FieldError, Information, Lattice, Prior, Solution, Solver};
 use super::projection::LidarMount;
 use super::shares::SeenCells;
-use crate::messages::{BudgetRow, BudgetSource, HeightMap};
+use crate::messages::{BudgetRow, BudgetSource, GridGeometry, HeightMap};
 use crate::time::{Mono, Stamp};
 use std::sync::Arc;
 
@@ -258,6 +258,16 @@ impl SolveField {
 }
 
 impl SolveField {
+    /// Cells, their heights, and which rest on data.
+    pub(super) fn known_heights(&self) -> Option<(GridGeometry, Vec<f64>, Vec<bool>)> {
+        let newest = self.newest.as_ref()?;
+        let lattice = &self.setup.lattice;
+        let grid = *lattice.grid();
+        let is_known = |cell| newest.is_known[lattice.node_of_cell(cell)];
+        let known = (0..grid.n_cells()).map(is_known).collect();
+        Some((grid, lattice.on_cells(&newest.heights_m), known))
+    }
+
     /// Shows every patch that the newest surface believes, of the turns up to an instant, with its
     /// information 1/R, 1/m².
     pub(super) fn for_each_patch(

@@ -316,7 +316,32 @@ pub struct SolvedSurface {
     pub newest: Option<Arc<NewestField>>,
 }
 
+/// The heights of the cells as the newest surface has them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct KnownHeights {
+    /// Where the cells are.
+    pub grid: GridGeometry,
+    /// Height of each cell, m; what is expected where nothing was seen.
+    pub height_m: Vec<f64>,
+    /// Cells that rest on data.
+    pub is_known: Vec<bool>,
+    /// Height of the highest cell that is known, m.
+    pub highest_m: f64,
+}
+
 impl SolveSurface {
+    /// The newest heights; `None` before there are any.
+    #[must_use]
+    pub fn known_heights(&self) -> Option<KnownHeights> {
+        let (grid, height_m, is_known) = match self {
+            Self::KalmanGrid(work) => work.known_heights(),
+            Self::MaternField(work) => work.known_heights()?,
+        };
+        let known_m = std::iter::zip(&height_m, &is_known).filter(|(_, is_known)| **is_known);
+        let highest_m = known_m.map(|(h, _)| *h).fold(f64::NEG_INFINITY, f64::max);
+        Some(KnownHeights { grid, height_m, is_known, highest_m })
+    }
+
     /// Solves.
     ///
     /// # Errors

@@ -27,7 +27,7 @@ use scene::Scene;
 pub struct Horizon;
 
 /// Paths that are looked at when there is no plan yet.
-const N_FRESH: usize = 500;
+const N_FRESH: usize = 400;
 /// Paths that are looked at to better the present plan.
 const N_AGAIN: usize = 150;
 
@@ -40,7 +40,8 @@ impl Planner for Horizon {
         if scene.target_m3().is_some_and(|target_m3| sigma_now_m3 <= target_m3) {
             return scene.finished(PlanEnd::Target, sigma_now_m3);
         }
-        let best = if request.current.is_empty() {
+        let is_first = request.current.is_empty() && request.accounted.is_none();
+        let best = if is_first {
             let starts = seeds::best_of_all(&mut scene);
             search::improve(&mut scene, starts, N_FRESH)
         } else {

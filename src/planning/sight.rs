@@ -20,7 +20,8 @@
 
 use super::Waypoint;
 use super::free_space::FreeSpace;
-use super::height_view::HeightView;
+use super::height_view::seen_ratio;
+use crate::mapping::KnownHeights;
 use crate::mapping::belief::{CoarseField, Sightings, height_and_tilt_cov};
 use crate::mapping::projection::LidarMount;
 use crate::units::wrapped_rad;
@@ -95,7 +96,7 @@ impl Sight {
         &self,
         field: &CoarseField,
         free_space: &FreeSpace,
-        heights: Option<&HeightView>,
+        heights: Option<&KnownHeights>,
         (from, to): (&Waypoint, &Waypoint),
     ) -> Sightings {
         let mut seen = field.nothing_seen();
@@ -143,7 +144,7 @@ impl Sight {
         &self,
         seen: &mut Sightings,
         field: &CoarseField,
-        heights: Option<&HeightView>,
+        heights: Option<&KnownHeights>,
         (before, now): (&ScanLine, &ScanLine),
         at: &Waypoint,
     ) {
@@ -159,11 +160,11 @@ impl Sight {
             let shift = end - before.ends[i];
             let sweep_m = (shift.x * line.y - shift.y * line.x).abs().max(LEAST_SWEEP_M);
             let area_m2 = sweep_m * ray.ground * now.drop_m;
-            let seen_ratio = heights.map_or(ray.seen_ratio, |heights| {
-                heights.seen_ratio(&now.origin, &end, self.nominal_height_m, ray.seen_ratio)
+            let share = heights.map_or(ray.seen_ratio, |heights| {
+                seen_ratio(heights, &now.origin, &end, ray.seen_ratio)
             });
             let arm = end - at.place.coords.xy();
-            seen.add(&row, info_per_area * area_m2 * seen_ratio, (arm.x, arm.y));
+            seen.add(&row, info_per_area * area_m2 * share, (arm.x, arm.y));
         }
     }
 }

@@ -1,9 +1,9 @@
 //! What stays the same while paths are compared: the map, the free space, the target.
 
 use super::path::Path;
+use crate::mapping::KnownHeights;
 use crate::mapping::belief::{CoarseField, Sightings};
 use crate::planning::Waypoint;
-use crate::planning::height_view::HeightView;
 use crate::planning::planner::{Belief, PlanRequest};
 use crate::planning::sight::Sight;
 use crate::units::wrapped_rad;
@@ -25,7 +25,7 @@ pub(super) struct Scene<'a> {
     pub(super) request: &'a PlanRequest,
     field: &'a CoarseField,
     sight: Sight,
-    heights: Option<HeightView>,
+    heights: Option<KnownHeights>,
     /// The map, and what will be seen on the way along the pending waypoints.
     known: Sightings,
     seen_var_m6: f64,
@@ -51,7 +51,7 @@ impl<'a> Scene<'a> {
             settings.slope_sigma,
             settings.fix_var_share,
         );
-        let heights = None;
+        let heights = settings.sees_shadows.then(|| surface.known_heights()).flatten();
         let mut known = field.seen(surface, None);
         let seen_var_m6 = field.volume_var(&[&known]).ok()?.total_m6();
         let scale = request.accounted.map_or(USUAL_SCALE, |account| {

@@ -11,17 +11,17 @@ use std::f64::consts::{FRAC_PI_2, PI};
 /// Paths that go into the local search.
 const N_BEST: usize = 4;
 /// Legs of the square waves.
-const MOST_LEGS: u32 = 6;
+const MOST_LEGS: u32 = 5;
 /// Margins at the ends of the legs, as shares of the extent.
-const MARGINS: [f64; 4] = [0.0, 0.12, 0.24, 0.36];
+const MARGINS: [f64; 3] = [0.0, 0.15, 0.3];
 /// Single legs lead to a grid of this many places each way.
 const N_PLACES: u32 = 5;
 
 /// The best square waves and single legs of all.
 pub(super) fn best_of_all(scene: &mut Scene<'_>) -> Vec<Path> {
     let mut best = Vec::new();
-    for waypoints in square_waves(scene).into_iter().chain(single_legs(scene)) {
-        if let Some(path) = shortest_part(scene, waypoints) {
+    for waypoints in single_legs(scene).into_iter().chain(square_waves(scene)) {
+        if let Some(path) = shortest_part(scene, waypoints, &best) {
             keep(&mut best, path);
         }
     }
@@ -32,7 +32,7 @@ pub(super) fn best_of_all(scene: &mut Scene<'_>) -> Vec<Path> {
 pub(super) fn best_square_wave(scene: &mut Scene<'_>) -> Option<Path> {
     let mut best = Vec::new();
     for waypoints in square_waves(scene) {
-        if let Some(path) = shortest_part(scene, waypoints) {
+        if let Some(path) = shortest_part(scene, waypoints, &best) {
             keep(&mut best, path);
         }
     }
@@ -62,10 +62,18 @@ fn keep(best: &mut Vec<Path>, path: Path) {
     best.truncate(N_BEST);
 }
 
-/// The path up to the waypoint from which on more does not pay.
-fn shortest_part(scene: &mut Scene<'_>, mut waypoints: Vec<Waypoint>) -> Option<Path> {
+/// The path up to the waypoint from which on more does not pay; `None` if it cannot be among the best.
+fn shortest_part(
+    scene: &mut Scene<'_>,
+    mut waypoints: Vec<Waypoint>,
+    best: &[Path],
+) -> Option<Path> {
     while scene.length_m(&waypoints) > scene.request.longest_m {
         waypoints.pop()?;
+    }
+    let worst = best.get(N_BEST - 1).map_or(f64::INFINITY, |path| path.score);
+    if scene.cost_m(&waypoints[..waypoints.len().min(2)]) >= worst {
+        return None;
     }
     let whole = scene.path(waypoints, None)?;
     if !scene.is_enough(whole.sigma_m3) {
@@ -74,6 +82,9 @@ fn shortest_part(scene: &mut Scene<'_>, mut waypoints: Vec<Waypoint>) -> Option<
     // σ falls along the path: the first leg at whose end it is enough.
     let (mut low, mut high) = (0, whole.legs.len());
     while high - low > 1 {
+        if scene.cost_m(&whole.waypoints[..=low]) >= worst {
+            return None;
+        }
         let middle = usize::midpoint(low, high);
         let sigma_m3 = scene.sigma_m3(&whole.legs[..middle])?;
         if scene.is_enough(sigma_m3) { high = middle } else { low = middle }
