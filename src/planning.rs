@@ -1,10 +1,15 @@
 //! Where to look next, and how to get there.
 //!
-//! [`free_space`] says where the vehicle may be and still know where it is; [`square_wave`] and
-//! [`greedy`] choose waypoints there; [`trajectory`] joins them within the airframe's bounds.
+//! [`free_space`] says where the vehicle may be and still know where it is: [`clearance`] is its
+//! geometry, [`quality_grid`] its fixes. [`square_wave`] and [`greedy`] choose waypoints there;
+//! [`trajectory`] joins them within the airframe's bounds.
 
+pub mod clearance;
 pub mod free_space;
 pub mod greedy;
+pub mod grid_axis;
+pub mod quality_grid;
+pub mod space;
 pub mod square_wave;
 pub mod trajectory;
 
@@ -48,6 +53,8 @@ pub struct Settings {
     pub min_fix_quality: f64,
     /// Bounds of the trajectory.
     pub limits: trajectory::Limits,
+    /// What the vehicle keeps away from.
+    pub space: space::SpaceSettings,
 }
 
 /// A place to fly to, and the heading there.

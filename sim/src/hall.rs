@@ -81,6 +81,8 @@ pub fn config(scenario: &Scenario, devices: Devices) -> Config {
         tags: tags(world, &conditions.errors),
         bays: Vec::new(),
         exclusions: Vec::new(),
+        obstacles: Vec::new(),
+        fence: None,
         points: Vec::new(),
     }
 }
@@ -129,6 +131,8 @@ fn hall(world: &World) -> HallSection {
         base_sigma_m: 0.0,
         base: None,
         max_pile_height_m: MAX_PILE_HEIGHT_M,
+        walls_m: None,
+        ceiling_m: Some(world.hall.max_m.z),
         exclusions: world
             .walls_inside
             .iter()

@@ -94,6 +94,7 @@ mod tests {
             swath_half_angle_rad: 0.9,
             min_fix_quality: 2.0,
             limits: Limits::default(),
+            space: crate::planning::space::SpaceSettings::default(),
         }
     }
 
