@@ -12,6 +12,7 @@ pub mod quality_grid;
 pub mod space;
 pub mod square_wave;
 pub mod trajectory;
+pub mod way;
 
 use crate::geometry::{Body, Hall, Point, Rotation, Transform};
 use crate::mapping::region::Rect;
