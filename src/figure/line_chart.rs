@@ -3,12 +3,12 @@
 use super::canvas::{Area, Hold, TEXT, drawn, on_paper, part, text_style, write, write_title};
 use super::legend::{self, Entry, Sample};
 use super::overlay::Ink;
-use super::{Figure, FigureError, Table, ticks};
-use plotters::coord::ranged1d::Ranged;
+use super::ticks::Scale;
+use super::{Figure, FigureError, Table};
 use plotters::prelude::{
-    Cartesian2d, ChartBuilder, ChartContext, Circle, IntoLogRange, PathElement, Polygon, SVGBackend,
+    Cartesian2d, ChartBuilder, ChartContext, Circle, PathElement, Polygon, SVGBackend,
 };
-use plotters::style::{Color, RGBColor, ShapeStyle};
+use plotters::style::{Color, RGBColor, ShapeStyle, TRANSPARENT};
 use std::ops::Range;
 
 /// One axis.
@@ -92,12 +92,13 @@ const TOP: i32 = 42;
 const LEFT: i32 = 82;
 const BELOW: i32 = 52;
 const RIGHT: i32 = 28;
+const N_TICKS: usize = 8;
 const DASH: (i32, i32) = (7, 5);
 const BAND_OPACITY: f64 = 0.18;
 const FRAME: RGBColor = RGBColor(60, 60, 60);
 const GRID: RGBColor = RGBColor(228, 228, 228);
 
-type Chart<'a, 'p, X, Y> = ChartContext<'a, SVGBackend<'p>, Cartesian2d<X, Y>>;
+type Chart<'a, 'p> = ChartContext<'a, SVGBackend<'p>, Cartesian2d<Scale, Scale>>;
 
 impl LineChart {
     /// Every point that must be seen, and that each axis can show.
@@ -169,48 +170,35 @@ impl LineChart {
     }
 
     fn draw_chart(&self, area: &Area<'_>) -> Result<(), FigureError> {
-        let x = self.range(&self.x, 0);
-        let y = self.range(&self.y, 1);
-        let x_text = tick_text(&self.x, &x);
-        let y_text = tick_text(&self.y, &y);
-        let mut builder = ChartBuilder::on(area);
-        builder.x_label_area_size(BELOW).y_label_area_size(LEFT);
-        macro_rules! draw_with {
-            ($x:expr, $y:expr) => {{
-                let mut chart = drawn(builder.build_cartesian_2d($x, $y))?;
-                drawn(
-                    chart
-                        .configure_mesh()
-                        .light_line_style(plotters::style::TRANSPARENT)
-                        .bold_line_style(GRID)
-                        .axis_style(FRAME)
-                        .x_labels(n_ticks(&self.x))
-                        .y_labels(n_ticks(&self.y))
-                        .x_label_formatter(&x_text)
-                        .y_label_formatter(&y_text)
-                        .label_style(text_style(TEXT))
-                        .draw(),
-                )?;
-                self.draw_data(&mut chart, [&x, &y])
-            }};
-        }
-        match (self.x.is_log, self.y.is_log) {
-            (false, false) => draw_with!(x.clone(), y.clone()),
-            (true, false) => draw_with!(x.clone().log_scale(), y.clone()),
-            (false, true) => draw_with!(x.clone(), y.clone().log_scale()),
-            (true, true) => draw_with!(x.clone().log_scale(), y.clone().log_scale()),
-        }
+        let scale = |axis: &Axis, k| Scale { range: self.range(axis, k), is_log: axis.is_log };
+        let (x, y) = (scale(&self.x, 0), scale(&self.y, 1));
+        let mut chart = drawn(
+            ChartBuilder::on(area)
+                .x_label_area_size(BELOW)
+                .y_label_area_size(LEFT)
+                .build_cartesian_2d(x.clone(), y.clone()),
+        )?;
+        drawn(
+            chart
+                .configure_mesh()
+                .light_line_style(TRANSPARENT)
+                .bold_line_style(GRID)
+                .axis_style(FRAME)
+                .x_labels(N_TICKS)
+                .y_labels(N_TICKS)
+                .x_label_formatter(&x.texts())
+                .y_label_formatter(&y.texts())
+                .label_style(text_style(TEXT))
+                .draw(),
+        )?;
+        self.draw_data(&chart, [&x.range, &y.range])
     }
 
-    fn draw_data<X, Y>(
+    fn draw_data(
         &self,
-        chart: &mut Chart<'_, '_, X, Y>,
+        chart: &Chart<'_, '_>,
         ranges: [&Range<f64>; 2],
-    ) -> Result<(), FigureError>
-    where
-        X: Ranged<ValueType = f64>,
-        Y: Ranged<ValueType = f64>,
-    {
+    ) -> Result<(), FigureError> {
         let area = chart.plotting_area();
         let cut = |k: usize, v: f64| v.clamp(ranges[k].start, ranges[k].end);
         for band in &self.bands {
@@ -243,20 +231,6 @@ impl LineChart {
             }
         }
         Ok(())
-    }
-}
-
-/// At most so many numbers stand on an axis; a logarithmic one needs more to have any between its
-/// decades.
-const fn n_ticks(axis: &Axis) -> usize {
-    if axis.is_log { 16 } else { 8 }
-}
-
-fn tick_text(axis: &Axis, range: &Range<f64>) -> Box<dyn Fn(&f64) -> String> {
-    if axis.is_log {
-        Box::new(ticks::log_label)
-    } else {
-        Box::new(ticks::label(range.end - range.start))
     }
 }
 
