@@ -13,6 +13,7 @@ pub mod space;
 pub mod square_wave;
 pub mod trajectory;
 pub mod way;
+pub mod what_if;
 
 use crate::geometry::{Body, Hall, Point, Rotation, Transform};
 use crate::mapping::region::Rect;

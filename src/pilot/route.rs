@@ -1,10 +1,12 @@
 //! The waypoints of the survey and the trajectory along them.
 
+use crate::geometry::Point;
 use crate::mapping::Mapper;
 use crate::mapping::projection::LidarMount;
 use crate::planning::free_space::FreeSpace;
 use crate::planning::greedy::ChooseWaypoint;
 use crate::planning::trajectory::{Knot, Segment, passing_velocity};
+use crate::planning::way::{Demand, way_within};
 use crate::planning::{PlannerKind, Settings, Waypoint, square_wave};
 use crate::time::{Mono, Stamp};
 use nalgebra::Vector3;
@@ -29,6 +31,8 @@ pub(super) struct Route {
     is_exhausted: bool,
     /// Where to go off the survey.
     destination: Option<Vector3<f64>>,
+    /// There is no way to the destination from here.
+    is_shut_in: bool,
     /// Places on the way there, once it is under way.
     transit: VecDeque<Vector3<f64>>,
     segment: Option<Segment>,
@@ -59,6 +63,7 @@ impl Route {
             steps_decided: 0,
             is_exhausted: false,
             destination: None,
+            is_shut_in: false,
             transit: VecDeque::new(),
             segment: None,
             track: Track::Stop,
@@ -185,6 +190,9 @@ impl Route {
 
     /// Begins the piece to the first place of a track; false if there is none within the limits.
     fn fly(&mut self, track: Track, at: Stamp<Mono>, from: Option<Knot>) -> bool {
+        if let (Track::Survey, Some(from)) = (track, &from) {
+            self.go_around(&from.position);
+        }
         let places: Vec<Vector3<f64>> = match track {
             Track::Stop => return false,
             Track::Survey => self.ahead.iter().take(LOOK_AHEAD).map(|w| w.place.coords).collect(),
@@ -202,9 +210,11 @@ impl Route {
         true
     }
 
-    /// Flies straight to a place off the survey and stops there; stops first where it must.
+    /// Flies to a place off the survey, around what stands between, and stops there; stops first
+    /// where it must, and for good where there is no way.
     pub(super) fn go_to(&mut self, place: &Vector3<f64>, now: Stamp<Mono>) {
         self.destination = Some(*place);
+        self.is_shut_in = false;
         if !self.depart(now) {
             self.slow_down(now);
         }
@@ -213,11 +223,49 @@ impl Route {
     /// Begins the way to the destination, if there is one; false if it cannot begin yet.
     fn depart(&mut self, now: Stamp<Mono>) -> bool {
         let (Some(place), Some(from)) = (self.destination, self.knot_at(now)) else { return false };
-        let n_pieces = ((place - from.position).norm() / TRANSIT_SPACING_M).ceil().max(1.0);
-        self.transit = std::iter::successors(Some(1.0), |k| (*k < n_pieces).then_some(k + 1.0))
-            .map(|k| from.position.lerp(&place, k / n_pieces))
-            .collect();
+        if self.is_shut_in {
+            return false;
+        }
+        let Some(corners) = self.way(&from.position, &place) else {
+            self.is_shut_in = true;
+            return false;
+        };
+        let corners: Vec<_> = std::iter::once(from.position).chain(corners).collect();
+        self.transit = corners.windows(2).flat_map(|leg| pieces(&leg[0], &leg[1])).collect();
         self.fly(Track::Transit, now, Some(from))
+    }
+
+    /// The corners of a way around what stands between, its end included: where fixes are good all
+    /// along if there is such a way, else where nothing is touched; `None` without any.
+    fn way(&self, from: &Vector3<f64>, to: &Vector3<f64>) -> Option<Vec<Vector3<f64>>> {
+        let at = |place: &Vector3<f64>| Waypoint {
+            place: Point::from_coords(*place),
+            yaw_rad: self.settings.yaw_rad,
+        };
+        let (from, to) = (at(from), at(to));
+        let of = |demand| way_within(&self.free_space, &from, &to, demand);
+        let found = of(Demand::Free).or_else(|| of(Demand::Clear))?;
+        Some(found.iter().map(|waypoint| waypoint.place.coords).collect())
+    }
+
+    /// Puts the way around what stands between two waypoints that come next in front of the second;
+    /// a waypoint to which there is no way is left out.
+    fn go_around(&mut self, from: &Vector3<f64>) {
+        let later = self.ahead.split_off(self.ahead.len().min(LOOK_AHEAD));
+        let mut before = *from;
+        for next in std::mem::take(&mut self.ahead) {
+            let place = next.place.coords;
+            if self.free_space.clearance().is_way_clear(&before, &place) {
+                self.ahead.push_back(next);
+                before = place;
+            } else if let Some(corners) = self.way(&before, &place) {
+                self.steps_decided += corners.len() - 1;
+                let corner = |place| Waypoint { place: Point::from_coords(place), ..next };
+                self.ahead.extend(corners.into_iter().map(corner));
+                before = place;
+            }
+        }
+        self.ahead.extend(later);
     }
 
     fn forget_destination(&mut self) {
@@ -272,4 +320,12 @@ impl Route {
     pub(super) const fn settings(&self) -> &Settings {
         &self.settings
     }
+}
+
+/// Places on a straight way, its end included.
+fn pieces(from: &Vector3<f64>, to: &Vector3<f64>) -> Vec<Vector3<f64>> {
+    let n_pieces = ((to - from).norm() / TRANSIT_SPACING_M).ceil().max(1.0);
+    std::iter::successors(Some(1.0), |k| (*k < n_pieces).then_some(k + 1.0))
+        .map(|k| from.lerp(to, k / n_pieces))
+        .collect()
 }

@@ -213,12 +213,14 @@ fn axes(settings: &Settings) -> Axes {
     let high_m = space.ceiling_m.map_or(f64::INFINITY, |ceiling_m| ceiling_m - keep_off_m);
     let high_m = fence.map_or(high_m, |fence| high_m.min(fence.max_height_m));
     let high_m = if high_m.is_finite() { high_m } else { settings.height_m };
+    let z = Axis::through(settings.height_m, space.height_step_m, (low_m, high_m));
     Axes {
         x: Axis::through(b.x_min_m, space.grid_m, x_m),
         y: Axis::through(b.y_min_m, space.grid_m, y_m),
-        z: Axis::through(settings.height_m, space.height_step_m, (low_m, high_m)),
+        z,
         n_headings: space.n_headings,
         first_yaw_rad: settings.yaw_rad,
+        survey_height: z.nearest(settings.height_m),
     }
 }
 
@@ -265,3 +267,6 @@ pub fn is_legible(
         .collect();
     pixels.is_some_and(|p| (0..4).all(|k| (p[k] - p[(k + 1) % 4]).norm() >= legibility.min_edge_px))
 }
+
+#[cfg(test)]
+pub(super) mod tests;

@@ -68,6 +68,18 @@ impl Axis {
         self.at(self.n - 1)
     }
 
+    /// The node nearest to a value.
+    #[must_use]
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        clippy::cast_precision_loss,
+        reason = "clamped to the axis before the cast"
+    )]
+    pub fn nearest(&self, value: f64) -> usize {
+        ((value - self.first) / self.step).round().clamp(0.0, (self.n - 1) as f64) as usize
+    }
+
     /// Between which nodes a value lies; up to one step beyond the outermost, it lies on them.
     #[must_use]
     #[expect(clippy::cast_precision_loss, reason = "node counts stay far below 2^53")]

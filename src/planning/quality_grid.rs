@@ -15,7 +15,7 @@ use super::grid_axis::{Axis, Share};
 use crate::geometry::{Body, Hall, Point, Transform};
 use crate::localization::camera_model::CameraModel;
 use crate::localization::marker_map::MarkerMap;
-use crate::localization::vision_fix::{predicted_cov, q_pos};
+use crate::localization::vision_fix::{corner_normal_matrix, cov_of_normal_matrix, q_pos};
 use crate::mapping::polygon::Polygon;
 use crate::mapping::solid::{self, Solid};
 use nalgebra::{Matrix6, Vector3};
@@ -55,25 +55,40 @@ impl Sensing {
     /// Covariance of one fix from a pose, 6×6; `None` where it is not observable.
     #[must_use]
     pub fn fix_cov(&self, hall_from_body: &Transform<Hall, Body>) -> Option<Matrix6<f64>> {
-        let information = self.information(hall_from_body);
-        information.and_then(|info| info.cholesky()).map(|factor| factor.inverse())
+        self.cov_of(&self.normal_matrices(&self.tags, hall_from_body))
     }
 
-    fn information(&self, hall_from_body: &Transform<Hall, Body>) -> Option<Matrix6<f64>> {
+    /// JᵀJ of the corners of these tags that each camera can read from a pose.
+    #[must_use]
+    pub fn normal_matrices(
+        &self,
+        tags: &[[Point<Hall>; 4]],
+        hall_from_body: &Transform<Hall, Body>,
+    ) -> Vec<Matrix6<f64>> {
         let of_camera = |camera: &CameraModel| {
             let eye = (*hall_from_body * camera.body_from_camera).origin.coords;
-            let corners: Vec<Point<Hall>> = self
-                .tags
+            let corners: Vec<Point<Hall>> = tags
                 .iter()
                 .filter(|tag| is_legible(camera, tag, hall_from_body, &Legibility::default()))
                 .filter(|tag| self.is_in_sight(&eye, tag))
                 .flatten()
                 .copied()
                 .collect();
-            let cov = predicted_cov(camera, &corners, hall_from_body, self.corner_sigma_px)?;
+            corner_normal_matrix(camera, &corners, hall_from_body)
+        };
+        self.cameras.iter().map(of_camera).collect()
+    }
+
+    /// Covariance of a fix from what the corners of each camera add up to; a camera that alone
+    /// would not fix the pose is left out.
+    #[must_use]
+    pub fn cov_of(&self, normal_matrices: &[Matrix6<f64>]) -> Option<Matrix6<f64>> {
+        let of_camera = |normal: &Matrix6<f64>| {
+            let cov = cov_of_normal_matrix(normal, self.corner_sigma_px)?;
             cov.cholesky().map(|factor| factor.inverse())
         };
-        self.cameras.iter().filter_map(of_camera).reduce(|all, info| all + info)
+        let information = normal_matrices.iter().filter_map(of_camera).reduce(|all, i| all + i)?;
+        information.cholesky().map(|factor| factor.inverse())
     }
 
     /// True if nothing solid stands between an eye and the middle of a tag.
@@ -100,8 +115,10 @@ pub struct Axes {
     pub z: Axis,
     /// Number of headings, evenly around.
     pub n_headings: usize,
-    /// The first heading, rad.
+    /// The first heading, rad: the survey's.
     pub first_yaw_rad: f64,
+    /// Which of the heights is the survey's.
+    pub survey_height: usize,
 }
 
 impl Axes {
@@ -121,6 +138,13 @@ impl Axes {
             place: Point::new(self.x.at(i), self.y.at(j), self.z.at(k)),
             yaw_rad: self.first_yaw_rad + Axis::turn(self.n_headings).at(heading),
         }
+    }
+
+    /// True for the nodes at the height and heading of the survey.
+    #[must_use]
+    pub const fn is_of_survey(&self, node: usize) -> bool {
+        node % self.n_headings == 0
+            && node / self.n_headings / self.x.n / self.y.n == self.survey_height
     }
 
     /// Index of the node at these counts along x, y, z and heading.

@@ -205,7 +205,7 @@ impl<'a> Search<'a> {
         let is_near = (0..3).all(|axis| {
             let off = (goal[axis] - here[axis]).abs() / self.axes[axis].step;
             // Heights outside of the lattice, as over a pad, are reached from its edge.
-            off <= 2.0 || (axis == 2 && self.near(axis, goal.z, 1).contains(&self.nearest(axis, here.z)))
+            off <= 2.0 || (axis == 2 && self.near(axis, goal.z, 1).contains(&self.axes[axis].nearest(here.z)))
         });
         if node != END_TO && is_near {
             near.push(END_TO);
@@ -215,20 +215,9 @@ impl<'a> Search<'a> {
 
     /// The nodes of one axis within so many steps of a value, at least the nearest.
     fn near(&self, axis: usize, value: f64, reach: usize) -> Vec<usize> {
-        let nearest = self.nearest(axis, value);
+        let nearest = self.axes[axis].nearest(value);
         let last = self.axes[axis].n - 1;
         (nearest.saturating_sub(reach)..=(nearest + reach).min(last)).collect()
-    }
-
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        clippy::cast_precision_loss,
-        reason = "clamped to the axis before the cast"
-    )]
-    fn nearest(&self, axis: usize, value: f64) -> usize {
-        let Axis { first, step, n } = self.axes[axis];
-        ((value - first) / step).round().clamp(0.0, (n - 1) as f64) as usize
     }
 
     /// From each corner straight to the furthest one that can be seen.
