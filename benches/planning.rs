@@ -15,6 +15,7 @@ use stockpilot::mapping::projection::LidarMount;
 use stockpilot::mapping::region::Rect;
 use stockpilot::messages::{GridGeometry, TagFamily};
 use stockpilot::planning::free_space::FreeSpace;
+use stockpilot::planning::space::SpaceSettings;
 use stockpilot::planning::greedy::ChooseWaypoint;
 use stockpilot::planning::trajectory::{Knot, Limits, Segment};
 use stockpilot::planning::{PlannerKind, Settings, Waypoint};
@@ -34,6 +35,7 @@ fn settings() -> Settings {
         swath_half_angle_rad: 0.87,
         min_fix_quality: 2.0,
         limits: Limits::default(),
+        space: SpaceSettings::default(),
     }
 }
 

@@ -16,6 +16,8 @@ mod field_layout;
 mod file;
 mod load;
 mod markers;
+mod mesh_file;
+mod obstacles;
 
 pub use bays::{BaseSection, BaySection, ExclusionSection};
 pub use cameras::{CameraSection, LensName};
@@ -26,4 +28,6 @@ pub use file::{
     SurfaceSection, UncertaintySection, UpdateName, VarianceUpdateName, VolumeVarianceName,
 };
 pub use load::load;
+pub use mesh_file::MeshContent;
+pub use obstacles::{FenceSection, ObstacleSection, SpaceSection};
 pub use markers::{MarkersSection, PointSection, TagSection};

@@ -30,6 +30,7 @@ pub mod polygon;
 pub mod projection;
 pub mod region;
 pub mod shares;
+pub mod solid;
 pub mod sparse_cholesky;
 pub mod sparse_gp;
 pub mod statement;

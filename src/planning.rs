@@ -1,17 +1,24 @@
 //! Where to look next, and how to get there.
 //!
-//! [`free_space`] says where the vehicle may be and still know where it is. Planners ([`planner`])
-//! choose waypoints there: [`square_wave`], [`greedy`] and [`horizon`], the default. [`trajectory`]
-//! joins them within the airframe's bounds.
+//! [`free_space`] says where the vehicle may be and still know where it is: [`clearance`] is its
+//! geometry, [`quality_grid`] its fixes. Planners ([`planner`]) choose waypoints there:
+//! [`square_wave`], [`greedy`] and [`horizon`], the default. [`trajectory`] joins them within the
+//! airframe's bounds.
 
+pub mod clearance;
 pub mod free_space;
 pub mod greedy;
+pub mod grid_axis;
 pub mod height_view;
 pub mod horizon;
 pub mod planner;
+pub mod quality_grid;
 pub mod sight;
+pub mod space;
 pub mod square_wave;
 pub mod trajectory;
+pub mod way;
+pub mod what_if;
 
 use crate::geometry::{Body, Hall, Point, Rotation, Transform};
 use crate::mapping::region::Rect;
@@ -68,6 +75,8 @@ pub struct Settings {
     pub seed: u64,
     /// Bounds of the trajectory.
     pub limits: trajectory::Limits,
+    /// What the vehicle keeps away from.
+    pub space: space::SpaceSettings,
 }
 
 /// A place to fly to, and the heading there.

@@ -14,10 +14,13 @@ use std::path::Path;
 use stockpilot::config::{PlannerName, SurfaceName, VolumeVarianceName};
 use stockpilot::stats::SeedBook;
 
+/// Worlds that are made from a seed.
+const GENERATED: [&str; 5] = ["alps", "piles", "columns", "l-hall", "poor-fix"];
+
 /// The options that `fly` and `campaign` share.
 #[derive(Debug, Clone, Args)]
 pub struct ScenarioArgs {
-    /// `alps`, `piles`, or the path of an ESRI ASCII grid.
+    /// `alps`, `piles`, `columns`, `l-hall`, `poor-fix`, or the path of an ESRI ASCII grid.
     #[arg(long, default_value = "alps")]
     pub world: String,
     /// Who chooses the waypoints.
@@ -63,7 +66,7 @@ pub struct ScenarioArgs {
         default_missing_value = "range,mount,clock,markers"
     )]
     pub draw_errors: Vec<ErrorSource>,
-    /// Slopes of alps and piles times this; the service is told of the slopes.
+    /// Slopes of generated worlds times this; the service is told of the slopes.
     #[arg(long, value_name = "TIMES", default_value_t = 1.0)]
     pub steepness: f64,
     /// Noise of the markers' corners times this; the service is told of the noise.
@@ -306,10 +309,10 @@ impl ScenarioArgs {
     }
 
     fn check(&self) -> anyhow::Result<()> {
-        let is_generated = ["alps", "piles"].contains(&self.world.as_str());
+        let is_generated = GENERATED.contains(&self.world.as_str());
         let is_usual = (self.steepness - 1.0).abs() < f64::EPSILON;
         ensure!((0.1..=4.0).contains(&self.steepness), "--steepness is 0.1 to 4");
-        ensure!(is_generated || is_usual, "--steepness is for alps and piles: use --scale-z");
+        ensure!(is_generated || is_usual, "--steepness is for generated worlds: use --scale-z");
         ensure!((0.0..=20.0).contains(&self.marker_noise), "--marker-noise is 0 to 20");
         ensure!((0.0..=1.0).contains(&self.hazards.dust_ratio), "--dust is a share from 0 to 1");
         Ok(())
@@ -320,9 +323,12 @@ impl ScenarioArgs {
         let world = match self.world.as_str() {
             "alps" => named(World::steep_alps(seed, self.steepness)),
             "piles" => named(World::steep_piles(seed, self.steepness)),
+            "columns" => named(World::columns(seed, self.steepness)),
+            "l-hall" => named(World::l_hall(seed, self.steepness)),
+            "poor-fix" => named(World::poor_fix(seed, self.steepness)),
             path => {
                 let text = std::fs::read_to_string(path)
-                    .with_context(|| format!("world {path:?} is not alps, piles or a file"))?;
+                    .with_context(|| format!("world {path:?} is none of {GENERATED:?} and no file"))?;
                 let name = Path::new(path).file_stem().map_or(path.into(), |s| s.to_string_lossy());
                 let scale = GridScale { xy: self.scale_xy, z: self.scale_z };
                 World::from_esri_ascii(&name, &text, scale)

@@ -200,6 +200,7 @@ impl Config {
                 (-100.0, hall.max_pile_height_m),
                 "m",
             )?,
+            obstacles: self.solids()?,
             below_base_m: 0.5,
             max_height_m: within(
                 "hall.max_pile_height_m",
@@ -348,12 +349,16 @@ impl Config {
         let widest_m = width_m.min(depth_m) / 2.0 - 0.1;
         let inset_m = within("planning.inset_m", p.inset_m, (-5.0, widest_m), "m")?;
         // Room for the vehicle between the highest pile and the flight.
-        let lowest_m = self.hall.max_pile_height_m.max(self.surface.prior_height_m) + 0.5;
+        let space = self.space_settings()?;
+        let over_piles_m = space.vehicle_radius_m + space.surface_clearance_m;
+        let highest_pile_m = self.hall.max_pile_height_m.max(self.surface.prior_height_m);
+        let lowest_m = highest_pile_m + over_piles_m;
         let metres = |key, value, range| within(key, value, range, "m");
         let sites =
             (width_m / p.candidate_spacing_m + 1.0) * (depth_m / p.candidate_spacing_m + 1.0);
         within("candidate waypoints in the region", sites, (1.0, 20_000.0), "")?;
         self.check_square_wave_heading()?;
+        self.check_space(&space)?;
         #[expect(clippy::cast_precision_loss, reason = "only its size is judged")]
         within("planning.n_steps", p.n_steps as f64, (1.0, 10_000.0), "")?;
         Ok(planning::Settings {
@@ -413,6 +418,7 @@ impl Config {
                     "m/s²",
                 )?,
             },
+            space,
         })
     }
 

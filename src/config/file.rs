@@ -3,6 +3,7 @@
 use super::bays::{BaseSection, BaySection, ExclusionSection, default_base_sigma_m};
 use super::cameras::CameraSection;
 use super::markers::{MarkersSection, PointSection, TagSection};
+use super::obstacles::{FenceSection, ObstacleSection, SpaceSection};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -53,6 +54,12 @@ pub struct Config {
     /// What stands in the region, beside the rectangles of the hall.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub exclusions: Vec<ExclusionSection>,
+    /// What the vehicle must not touch.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub obstacles: Vec<ObstacleSection>,
+    /// Where the vehicle may be at most.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fence: Option<FenceSection>,
 }
 
 fn default_detections() -> String {
@@ -90,6 +97,13 @@ pub struct HallSection {
     pub base: Option<BaseSection>,
     /// No pile is higher than this, m.
     pub max_pile_height_m: f64,
+    /// Inner faces of the walls as corners x and y, in either direction, m; the vehicle keeps away
+    /// from them and sees no tag through them. Without them only the waypoints' bounds hold.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub walls_m: Option<Vec<[f64; 2]>>,
+    /// Lower face of the ceiling over the hall's zero, m.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ceiling_m: Option<f64>,
     /// Footprints of walls and machines, not measured.
     #[serde(default)]
     pub exclusions: Vec<RectSection>,
@@ -439,6 +453,8 @@ pub struct PlanningSection {
     pub max_speed_mps: f64,
     /// Largest acceleration, m/s².
     pub max_accel_mps2: f64,
+    /// The grid of the free space and the room around the vehicle.
+    pub space: SpaceSection,
 }
 
 impl Default for PlanningSection {
@@ -459,6 +475,7 @@ impl Default for PlanningSection {
             seed: 0,
             max_speed_mps: 2.0,
             max_accel_mps2: 2.0,
+            space: SpaceSection::default(),
         }
     }
 }

@@ -9,12 +9,13 @@ use super::kalman_grid::KalmanGrid;
 use super::matern_field::{FieldError, Lattice};
 use super::projection::{Hit, LidarMount, project};
 use super::region::Region;
+use super::solid::{self, Solid};
 use super::sparse_gp::GpError;
 use super::volume::Base;
 use crate::geometry::{Body, Hall, Transform};
 use crate::messages::{Beam, GridGeometry, HeightMap, HitCounts, PoseError, Scan, VolumeAccount};
 use crate::time::{Mono, Stamp};
-use nalgebra::Matrix6;
+use nalgebra::{Matrix6, Vector3};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -39,6 +40,9 @@ pub struct Settings {
     pub cell_m: f64,
     /// Height of the floor under the material where no bay says otherwise, m.
     pub base_height_m: f64,
+    /// What stands or hangs in the hall: hits within the region's `exclusion_margin_m` of it are
+    /// no material.
+    pub obstacles: Vec<Solid>,
     /// Hits below the base by more than this, or above `max_height_m`, are not surface, m.
     pub below_base_m: f64,
     /// No pile is higher than this, m over the hall floor.
@@ -202,10 +206,18 @@ impl Mapper {
         let hit = project(mount, beam, &hall_from_body, &pose_cov);
         let p = hit.place.coords;
         let is_surface = (self.lowest_m..=self.settings.max_height_m).contains(&p.z);
-        if !is_surface || !self.settings.region.accepts(p.x, p.y) {
+        if !is_surface || !self.settings.region.accepts(p.x, p.y) || self.is_obstacle(&p) {
             return Err(Fate::Outside);
         }
         Ok((hit, hall_from_body))
+    }
+
+    /// True if a hit belongs to something that stands or hangs in the hall.
+    fn is_obstacle(&self, place: &Vector3<f64>) -> bool {
+        let margin_m = self.settings.region.exclusion_margin_m;
+        let obstacles = &self.settings.obstacles;
+        // A hair more than the margin, so that one exactly there counts.
+        solid::distance_m(obstacles, place, margin_m + 1e-9) <= margin_m
     }
 
     /// Where the beams went so far.
@@ -372,6 +384,7 @@ mod tests {
             },
             cell_m: 0.25,
             base_height_m: 0.0,
+            obstacles: Vec::new(),
             below_base_m: 0.5,
             max_height_m: 4.0,
             lidar: LidarMount {

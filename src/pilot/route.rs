@@ -20,6 +20,8 @@ pub(super) struct Route {
     pub(super) plan: SurveyPlan,
     /// Where to go off the survey.
     destination: Option<Vector3<f64>>,
+    /// There is no way to the destination from here.
+    is_shut_in: bool,
     /// Places on the way there, once it is under way.
     transit: VecDeque<Vector3<f64>>,
     segment: Option<Segment>,
@@ -47,6 +49,7 @@ impl Route {
         Self {
             plan,
             destination: None,
+            is_shut_in: false,
             transit: VecDeque::new(),
             segment: None,
             track: Track::Stop,
@@ -124,6 +127,9 @@ impl Route {
 
     /// Begins the piece to the first place of a track; false if there is none within the limits.
     fn fly(&mut self, track: Track, at: Stamp<Mono>, from: Option<Knot>) -> bool {
+        if let (Track::Survey, Some(from)) = (track, &from) {
+            self.plan.go_around(&from.position);
+        }
         let places: Vec<Vector3<f64>> = match track {
             Track::Stop => return false,
             Track::Survey => {
@@ -170,9 +176,11 @@ impl Route {
         turn_rad.abs() < 0.15
     }
 
-    /// Flies straight to a place off the survey and stops there; stops first where it must.
+    /// Flies to a place off the survey, around what stands between, and stops there; stops first
+    /// where it must, and for good where there is no way.
     pub(super) fn go_to(&mut self, place: &Vector3<f64>, now: Stamp<Mono>) {
         self.destination = Some(*place);
+        self.is_shut_in = false;
         if !self.depart(now) {
             self.slow_down(now);
         }
@@ -181,10 +189,15 @@ impl Route {
     /// Begins the way to the destination, if there is one; false if it cannot begin yet.
     fn depart(&mut self, now: Stamp<Mono>) -> bool {
         let (Some(place), Some(from)) = (self.destination, self.knot_at(now)) else { return false };
-        let n_pieces = ((place - from.position).norm() / TRANSIT_SPACING_M).ceil().max(1.0);
-        self.transit = std::iter::successors(Some(1.0), |k| (*k < n_pieces).then_some(k + 1.0))
-            .map(|k| from.position.lerp(&place, k / n_pieces))
-            .collect();
+        if self.is_shut_in {
+            return false;
+        }
+        let Some(corners) = self.plan.way(&from.position, &place) else {
+            self.is_shut_in = true;
+            return false;
+        };
+        let corners: Vec<_> = std::iter::once(from.position).chain(corners).collect();
+        self.transit = corners.windows(2).flat_map(|leg| pieces(&leg[0], &leg[1])).collect();
         self.fly(Track::Transit, now, Some(from))
     }
 
@@ -241,4 +254,12 @@ impl Route {
     pub(super) const fn settings(&self) -> &Settings {
         self.plan.settings()
     }
+}
+
+/// Places on a straight way, its end included.
+fn pieces(from: &Vector3<f64>, to: &Vector3<f64>) -> Vec<Vector3<f64>> {
+    let n_pieces = ((to - from).norm() / TRANSIT_SPACING_M).ceil().max(1.0);
+    std::iter::successors(Some(1.0), |k| (*k < n_pieces).then_some(k + 1.0))
+        .map(|k| from.lerp(to, k / n_pieces))
+        .collect()
 }

@@ -8,6 +8,9 @@ use crate::planning::free_space::FreeSpace;
 use crate::planning::planner::{Belief, Plan, PlanEnd, PlanRequest, Prediction};
 use crate::planning::{PlannerKind, Settings, Waypoint};
 use crate::time::{Mono, Stamp};
+use crate::geometry::Point;
+use crate::planning::way::{Demand, way_within};
+use nalgebra::Vector3;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
@@ -15,6 +18,9 @@ use std::sync::Arc;
 const REPLAN_AFTER_STEPS: usize = 2;
 /// This many waypoints stand while a plan is made: the vehicle flies on meanwhile.
 const N_PENDING: usize = 2;
+
+/// Waypoints whose ways are looked at.
+const N_LOOKED_AT: usize = 10;
 
 /// The waypoints of the survey.
 #[derive(Debug, Clone)]
@@ -213,6 +219,38 @@ impl SurveyPlan {
     pub(super) fn on_no_plan(&mut self) {
         self.asked_behind = None;
         self.end = Some(PlanEnd::NothingFree);
+    }
+
+    /// The corners of a way around what stands between, its end included: where fixes are good all
+    /// along if there is such a way, else where nothing is touched; `None` without any.
+    pub(super) fn way(&self, from: &Vector3<f64>, to: &Vector3<f64>) -> Option<Vec<Vector3<f64>>> {
+        let at = |place: &Vector3<f64>| Waypoint {
+            place: Point::from_coords(*place),
+            yaw_rad: self.settings.yaw_rad,
+        };
+        let (from, to) = (at(from), at(to));
+        let of = |demand| way_within(&self.free_space, &from, &to, demand);
+        let found = of(Demand::Free).or_else(|| of(Demand::Clear))?;
+        Some(found.iter().map(|waypoint| waypoint.place.coords).collect())
+    }
+
+    /// Puts the way around what stands between two waypoints that come next in front of the second;
+    /// a waypoint to which there is no way is left out.
+    pub(super) fn go_around(&mut self, from: &Vector3<f64>) {
+        let later = self.ahead.split_off(self.ahead.len().min(N_LOOKED_AT));
+        let mut before = *from;
+        for next in std::mem::take(&mut self.ahead) {
+            let place = next.place.coords;
+            if self.free_space.clearance().is_way_clear(&before, &place) {
+                self.ahead.push_back(next);
+                before = place;
+            } else if let Some(corners) = self.way(&before, &place) {
+                let corner = |place| Waypoint { place: Point::from_coords(place), ..next };
+                self.ahead.extend(corners.into_iter().map(corner));
+                before = place;
+            }
+        }
+        self.ahead.extend(later);
     }
 
     /// What the newest plan expects.

@@ -129,6 +129,7 @@ mod tests {
             fix_var_share: 0.1,
             seed: 0,
             limits: Limits::default(),
+            space: crate::planning::space::SpaceSettings::default(),
         }
     }
 

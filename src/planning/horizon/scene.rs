@@ -6,6 +6,7 @@ use crate::mapping::belief::{CoarseField, Sightings};
 use crate::planning::Waypoint;
 use crate::planning::planner::{Belief, PlanRequest};
 use crate::planning::sight::Sight;
+use crate::planning::way::way;
 use crate::units::wrapped_rad;
 use std::sync::Arc;
 
@@ -100,6 +101,24 @@ impl<'a> Scene<'a> {
     /// True if one may fly straight from one to the other.
     pub(super) fn is_open(&self, from: &Waypoint, to: &Waypoint) -> bool {
         self.request.free_space.is_free(to) && self.request.free_space.is_way_free(from, to)
+    }
+
+    /// The waypoints with ways around what stands between them; those that cannot be reached are left
+    /// out.
+    pub(super) fn joined(&self, waypoints: &[Waypoint]) -> Vec<Waypoint> {
+        let mut joined = Vec::with_capacity(waypoints.len());
+        let mut from = self.start;
+        for to in waypoints.iter().filter(|to| self.request.free_space.is_free(to)) {
+            if self.request.free_space.is_way_free(&from, to) {
+                joined.push(*to);
+            } else if let Some(corners) = way(&self.request.free_space, &from, to) {
+                joined.extend(corners);
+            } else {
+                continue;
+            }
+            from = *to;
+        }
+        joined
     }
 
     /// What would be seen on a leg.

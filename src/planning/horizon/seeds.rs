@@ -75,6 +75,7 @@ fn shortest_part(
     if scene.cost_m(&waypoints[..waypoints.len().min(2)]) >= worst {
         return None;
     }
+    let waypoints = scene.joined(&waypoints);
     let whole = scene.path(waypoints, None)?;
     if !scene.is_enough(whole.sigma_m3) {
         return Some(whole);
