@@ -11,6 +11,7 @@
 //! ```
 
 mod event;
+mod flight_path;
 mod intake;
 mod job;
 mod route;
@@ -291,7 +292,7 @@ impl Pilot {
                 let yaw_rad = estimate.hall_from_body.rotation.yaw_rad();
                 wrapped_rad(yaw_rad - self.route.settings().yaw_rad)
             }),
-            is_trajectory_over: self.route.reached_end(self.now).is_some(),
+            is_trajectory_over: self.route.path().reached_end(self.now).is_some(),
             is_at_target: self.is_at_target(),
         }
     }
@@ -299,9 +300,10 @@ impl Pilot {
     fn is_at_target(&self) -> bool {
         let place = self.localizer.estimate().map(|estimate| estimate.hall_from_body.origin);
         self.route
+            .path()
             .reached_end(self.now)
             .zip(place)
-            .is_some_and(|(end, place)| (place.coords - end).norm() < AT_TARGET_M)
+            .is_some_and(|(end, place)| (place.coords - end.position).norm() < AT_TARGET_M)
     }
 
     fn apply(&mut self, effects: Vec<Effect>, actions: &mut Vec<Action>) {
@@ -339,48 +341,54 @@ impl Pilot {
                 self.flown = FlownPath::default();
                 self.home = here;
                 if let Some(place) = here {
-                    self.route.stand(&place.coords, self.now);
+                    self.stand(place);
                 }
             }
             Phase::TakeOff => {
                 // The pose has settled since the preflight began; fly from where it is now.
                 if let Some(place) = here.filter(|_| from == Phase::Preflight) {
                     self.home = Some(place);
-                    self.route.stand(&place.coords, self.now);
+                    self.stand(place);
                 }
-                if let Some(home) = self.home {
-                    self.route.go_to(&self.above(&home), self.now);
+                if let Some(over_home) = self.home.map(|home| self.above(&home)) {
+                    self.route.go_to(over_home, self.now);
                 }
             }
             Phase::Return => {
-                if let Some(home) = self.home {
-                    self.route.go_to(&self.above(&home), self.now);
+                if let Some(over_home) = self.home.map(|home| self.above(&home)) {
+                    self.route.go_to(over_home, self.now);
                 }
             }
-            Phase::Hold => self.route.brake(self.now),
-            Phase::Idle | Phase::Land | Phase::Abort => self.route.let_go(),
+            Phase::Hold => self.route.path_mut().brake(self.now),
+            Phase::Idle | Phase::Land | Phase::Abort => self.route.path_mut().let_go(),
             Phase::Survey => {}
         }
     }
 
-    /// The place over `place` at the height of the flight.
-    fn above(&self, place: &Point<Hall>) -> Vector3<f64> {
-        Vector3::new(place.coords.x, place.coords.y, self.route.settings().height_m)
+    /// The place over `place` at the height of the flight, with the usual heading.
+    fn above(&self, place: &Point<Hall>) -> Waypoint {
+        let planning = self.route.settings();
+        let place = Point::new(place.coords.x, place.coords.y, planning.height_m);
+        Waypoint { place, yaw_rad: planning.yaw_rad }
+    }
+
+    /// Stands at a place with the usual heading.
+    fn stand(&mut self, place: Point<Hall>) {
+        let yaw_rad = self.route.settings().yaw_rad;
+        self.route.path_mut().stand(&Waypoint { place, yaw_rad }, self.now);
     }
 
     fn steer(&mut self, actions: &mut Vec<Action>) {
         if !self.mission.phase().is_steering() {
             return;
         }
-        if self.route.segment().is_none()
+        if self.route.path().trajectory().is_none()
             && let Some(estimate) = self.localizer.estimate()
         {
-            self.route.stand(&estimate.hall_from_body.origin.coords, self.now);
+            self.stand(estimate.hall_from_body.origin);
         }
-        let yaw_rad = self.route.yaw_at(self.now);
-        let Some(setpoint) = self.route.segment().map(|s| s.setpoint_at(self.now, yaw_rad)) else {
-            return;
-        };
+        let Some(trajectory) = self.route.path().trajectory() else { return };
+        let setpoint = trajectory.setpoint_at(self.now);
         if setpoint.is_finite() {
             self.flown.go_on(&setpoint.position.coords);
             actions.push(Action::Steer(setpoint));
@@ -452,14 +460,21 @@ impl Pilot {
 
     /// Asks for waypoints; the first ones while the vehicle still climbs.
     fn plan_if_due(&mut self, actions: &mut Vec<Action>) {
+        if self.jobs.plan.is_some() {
+            return;
+        }
         let from = match self.mission.phase() {
             Phase::TakeOff => self.home.map(|home| self.above(&home)),
-            Phase::Survey => self.route.knot_at(self.now).map(|knot| knot.position),
+            Phase::Survey => self.route.path().trajectory().map(|trajectory| {
+                let knot = trajectory.knot_at(self.now);
+                Waypoint {
+                    place: Point::from_coords(knot.position),
+                    yaw_rad: wrapped_rad(knot.yaw.angle_rad),
+                }
+            }),
             _ => None,
         };
-        let Some(from) = from.filter(|_| self.jobs.plan.is_none()) else { return };
-        let yaw_rad = self.route.yaw_at(self.now);
-        let from = Waypoint { place: Point::from_coords(from), yaw_rad };
+        let Some(from) = from else { return };
         let lidar = &self.settings.mapping.lidar;
         let whole = self.accounts.first();
         let longest_m = f64::INFINITY;

@@ -67,8 +67,6 @@ pub struct Settings {
     pub slope_sigma: f64,
     /// What the map knows hides what is behind it; otherwise predictions see a flat surface.
     pub sees_shadows: bool,
-    /// The heading changes no faster, rad/s.
-    pub turn_rate_radps: f64,
     /// Variance of the filter's pose over that of one fix, as predictions assume it.
     pub fix_var_share: f64,
     /// Seed of the search for paths.

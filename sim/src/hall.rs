@@ -10,8 +10,8 @@ use crate::world::{Cuboid, Region, World};
 use std::path::PathBuf;
 use stockpilot::config::{
     CameraSection, Config, FilterSection, HallSection, LensName, LidarSection, LinkSection,
-    LogSection, MarkersSection, MissionSection, MountSection, ObstacleSection, PlanningSection, RectSection,
-    SurfaceSection, TagSection, UncertaintySection,
+    LogSection, MarkersSection, MissionSection, MountSection, ObstacleSection, PlanningSection,
+    RectSection, SurfaceSection, TagSection, UncertaintySection,
 };
 use stockpilot::geometry::{Body, Camera, Frame, Rotation, Transform};
 

@@ -453,6 +453,14 @@ pub struct PlanningSection {
     pub max_speed_mps: f64,
     /// Largest acceleration, m/s².
     pub max_accel_mps2: f64,
+    /// Largest jerk, m/s³.
+    pub max_jerk_mps3: f64,
+    /// Largest snap, m/s⁴.
+    pub max_snap_mps4: f64,
+    /// Largest rate of the heading, deg/s.
+    pub max_yaw_rate_degps: f64,
+    /// Largest acceleration of the heading, deg/s².
+    pub max_yaw_accel_degps2: f64,
     /// The grid of the free space and the room around the vehicle.
     pub space: SpaceSection,
 }
@@ -475,6 +483,10 @@ impl Default for PlanningSection {
             seed: 0,
             max_speed_mps: 2.0,
             max_accel_mps2: 2.0,
+            max_jerk_mps3: 12.0,
+            max_snap_mps4: 150.0,
+            max_yaw_rate_degps: 45.0,
+            max_yaw_accel_degps2: 90.0,
             space: SpaceSection::default(),
         }
     }

@@ -1,15 +1,15 @@
 //! Which waypoints the survey still has, when to ask for others, and when it is done.
 
+use crate::geometry::Point;
 use crate::mapping::Mapper;
 use crate::mapping::belief::CoarseField;
 use crate::mapping::projection::LidarMount;
 use crate::messages::{BudgetSource, VolumeAccount};
 use crate::planning::free_space::FreeSpace;
 use crate::planning::planner::{Belief, Plan, PlanEnd, PlanRequest, Prediction};
+use crate::planning::way::{Demand, way_within};
 use crate::planning::{PlannerKind, Settings, Waypoint};
 use crate::time::{Mono, Stamp};
-use crate::geometry::Point;
-use crate::planning::way::{Demand, way_within};
 use nalgebra::Vector3;
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -83,10 +83,16 @@ impl SurveyPlan {
         self.free_space.feasible().next().is_some()
     }
 
-    /// The first waypoint ahead is reached.
-    pub(super) fn reach(&mut self) {
-        self.ahead.pop_front();
-        self.steps_done += 1;
+    /// The first waypoints ahead are reached.
+    pub(super) fn reach(&mut self, n_reached: usize) {
+        let n_reached = n_reached.min(self.ahead.len());
+        self.ahead.drain(..n_reached);
+        self.steps_done += n_reached;
+    }
+
+    /// True if the vehicle may be there.
+    pub(super) fn is_free(&self, waypoint: &Waypoint) -> bool {
+        self.free_space.is_free(waypoint)
     }
 
     /// All waypoints are reached and no more will come.

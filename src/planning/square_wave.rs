@@ -125,7 +125,6 @@ mod tests {
             min_fix_quality: 2.0,
             slope_sigma: 0.6,
             sees_shadows: true,
-            turn_rate_radps: 0.6,
             fix_var_share: 0.1,
             seed: 0,
             limits: Limits::default(),

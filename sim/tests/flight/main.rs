@@ -6,3 +6,4 @@ mod faults;
 mod parallel;
 mod support;
 mod survey;
+mod tracking;

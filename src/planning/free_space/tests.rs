@@ -189,7 +189,8 @@ fn candidate_sites_stay_the_lattice_and_obstacles_only_shut_them() {
         assert!(shut.quality() <= site.quality() * (1.0 + 1e-9));
     }
     // Right behind the column some tags are hidden.
-    let behind = |space: &FreeSpace| space.fix_cov(&at(5.5, 5.0, 5.0, 0.2)).as_ref().map_or(0.0, q_pos);
+    let behind =
+        |space: &FreeSpace| space.fix_cov(&at(5.5, 5.0, 5.0, 0.2)).as_ref().map_or(0.0, q_pos);
     assert!(behind(&blocked) < behind(&open), "{} {}", behind(&blocked), behind(&open));
     assert!(!blocked.is_way_free(&at(4.5, 5.0, 5.0, 0.2), &at(8.5, 5.0, 5.0, 0.2)));
 }

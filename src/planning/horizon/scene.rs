@@ -94,7 +94,7 @@ impl<'a> Scene<'a> {
     fn leg_cost_m(&self, from: &Waypoint, to: &Waypoint) -> f64 {
         let turn_rad = wrapped_rad(to.yaw_rad - from.yaw_rad).abs();
         let settings = &self.request.settings;
-        let turn_m = settings.limits.speed_mps * turn_rad / settings.turn_rate_radps;
+        let turn_m = settings.limits.speed_mps * turn_rad / settings.limits.yaw_rate_radps;
         from.distance_m(to).max(turn_m) + TURN_COST_M * turn_rad + WAYPOINT_COST_M
     }
 
