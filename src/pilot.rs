@@ -27,7 +27,7 @@ use crate::messages::{
     BatterySample, NavEstimate, OperatorAnswer, OperatorCommand, Scan, Severity, StatusText,
     VehicleState, VolumeAccount,
 };
-use crate::mission::{self, Effect, Inputs, Mission, Phase};
+use crate::mission::{self, Effect, EnergyGauge, Inputs, Mission, Phase};
 use crate::planning;
 use crate::planning::Waypoint;
 use crate::planning::free_space::FreeSpace;
@@ -38,7 +38,7 @@ use nalgebra::Vector3;
 use route::Route;
 use std::collections::VecDeque;
 use std::time::Duration;
-use survey_plan::SurveyPlan;
+use survey_plan::{PlanFacts, SurveyPlan};
 
 /// How often the brain wants [`Event::Ticked`], Hz. Odd ticks steer, even ones publish odometry.
 pub const TICK_RATE_HZ: u32 = 60;
@@ -93,6 +93,7 @@ pub struct Pilot {
     /// Where the flight began; the return leads here.
     home: Option<Point<Hall>>,
     flown: FlownPath,
+    energy: EnergyGauge,
     /// Landed, waiting for the last solve.
     ending: Option<Ending>,
 }
@@ -155,6 +156,7 @@ impl Pilot {
             last_report_at: Stamp::ZERO,
             home: None,
             flown: FlownPath::default(),
+            energy: EnergyGauge::default(),
             ending: None,
         }
     }
@@ -194,7 +196,12 @@ impl Pilot {
                 // The pilot's switch must not wait for the next tick.
                 self.run_mission(actions);
             }
-            Event::Battery(battery) => self.battery = Some(battery),
+            Event::Battery(battery) => {
+                self.battery = Some(battery);
+                if matches!(self.mission.phase(), Phase::TakeOff | Phase::Survey) {
+                    self.energy.read(battery.remaining_ratio, self.flown.length_m);
+                }
+            }
             // Kept in the log; the mission rests on the companion's own estimate.
             Event::AutopilotPose(_) => {}
             Event::CommandAnswered(outcome) => {
@@ -339,6 +346,7 @@ impl Pilot {
                 self.jobs.plan = None;
                 self.route.restart();
                 self.flown = FlownPath::default();
+                self.energy.restart();
                 self.home = here;
                 if let Some(place) = here {
                     self.stand(place);
@@ -477,10 +485,12 @@ impl Pilot {
         let Some(from) = from else { return };
         let lidar = &self.settings.mapping.lidar;
         let whole = self.accounts.first();
-        let longest_m = f64::INFINITY;
-        let plan = &mut self.route.plan;
-        if let Some(request) = plan.plan_due(&from, &self.mapper, lidar, whole, longest_m, self.now)
-        {
+        // The way home ends with what the mission would return on.
+        let reserve_ratio = self.settings.mission.return_battery_ratio;
+        let reach_m = self.energy.reach_m(reserve_ratio).unwrap_or(f64::INFINITY);
+        let over_home = self.home.map(|home| self.above(&home).place);
+        let facts = PlanFacts { from, whole, reach_m, over_home, now: self.now };
+        if let Some(request) = self.route.plan.plan_due(&facts, &self.mapper, lidar) {
             let id = self.new_job_id();
             self.jobs.plan = Some(id);
             actions.push(Action::Start { id, job: Box::new(Job::Plan(Box::new(request))) });

@@ -77,6 +77,33 @@ pub struct Settings {
     pub space: space::SpaceSettings,
 }
 
+impl Settings {
+    /// Usual settings for waypoints inside `bounds`.
+    #[must_use]
+    pub fn over(bounds: Rect) -> Self {
+        Self {
+            planner: PlannerKind::default(),
+            n_steps: 50,
+            height_m: 7.0,
+            yaw_rad: 0.0,
+            bounds,
+            target_ratio: None,
+            leg_spacing_m: None,
+            step_radius_m: 2.0,
+            candidate_spacing_m: 1.0,
+            nominal_height_m: 1.5,
+            swath_half_angle_rad: 0.87,
+            min_fix_quality: 2.0,
+            slope_sigma: 0.6,
+            sees_shadows: false,
+            fix_var_share: 0.1,
+            seed: 0,
+            limits: trajectory::Limits::default(),
+            space: space::SpaceSettings::default(),
+        }
+    }
+}
+
 /// A place to fly to, and the heading there.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Waypoint {

@@ -1,6 +1,6 @@
 //! Which waypoints the survey still has, when to ask for others, and when it is done.
 
-use crate::geometry::Point;
+use crate::geometry::{Hall, Point};
 use crate::mapping::Mapper;
 use crate::mapping::belief::CoarseField;
 use crate::mapping::projection::LidarMount;
@@ -39,6 +39,20 @@ pub(super) struct SurveyPlan {
     /// Why no further plan is asked for.
     end: Option<PlanEnd>,
     prediction: Option<Prediction>,
+}
+
+/// What a plan rests on besides map and free space.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct PlanFacts<'a> {
+    /// Where the vehicle is.
+    pub(super) from: Waypoint,
+    /// The newest account of the whole region.
+    pub(super) whole: Option<&'a VolumeAccount>,
+    /// How far the battery reaches, the way home included, m.
+    pub(super) reach_m: f64,
+    /// Where the way home ends.
+    pub(super) over_home: Option<Point<Hall>>,
+    pub(super) now: Stamp<Mono>,
 }
 
 impl SurveyPlan {
@@ -129,26 +143,25 @@ impl SurveyPlan {
     /// The plan that is to be made, if one is due and none is being made.
     pub(super) fn plan_due(
         &mut self,
-        from: &Waypoint,
+        facts: &PlanFacts<'_>,
         mapper: &Mapper,
         lidar: &LidarMount,
-        whole: Option<&VolumeAccount>,
-        longest_m: f64,
-        now: Stamp<Mono>,
     ) -> Option<PlanRequest> {
         if !self.is_due() {
             return None;
         }
+        let PlanFacts { from, whole, reach_m, over_home, now } = *facts;
         let n_pending = self.ahead.len().min(N_PENDING);
         let pending: Vec<Waypoint> =
-            std::iter::once(*from).chain(self.ahead.iter().take(n_pending).copied()).collect();
+            std::iter::once(from).chain(self.ahead.iter().take(n_pending).copied()).collect();
         let pending_m: f64 = pending.windows(2).map(|pair| pair[0].distance_m(&pair[1])).sum();
         self.asked_behind = pending.last().copied();
         Some(PlanRequest {
             settings: self.settings.clone(),
             current: self.ahead.iter().skip(n_pending).copied().collect(),
             n_waypoints: self.settings.n_steps.saturating_sub(self.steps_done + n_pending),
-            longest_m: (longest_m - pending_m).max(0.0),
+            longest_m: (reach_m - pending_m).max(0.0),
+            over_home,
             pending,
             free_space: Arc::clone(&self.free_space),
             lidar: lidar.clone(),

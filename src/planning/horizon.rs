@@ -48,7 +48,14 @@ impl Planner for Horizon {
             let starts = seeds::around_present(&mut scene, &request.current);
             search::improve(&mut scene, starts, N_AGAIN)
         };
-        let Some(best) = best else { return Plan::nothing(PlanEnd::NothingFree) };
+        let Some(best) = best else {
+            let is_out_of_reach = request.longest_m.is_finite();
+            return Plan::nothing(if is_out_of_reach {
+                PlanEnd::Budget
+            } else {
+                PlanEnd::NothingFree
+            });
+        };
         scene.plan(&best, sigma_now_m3)
     }
 }
@@ -103,3 +110,6 @@ impl Scene<'_> {
         Plan { waypoints, end, prediction: Some(prediction) }
     }
 }
+
+#[cfg(test)]
+mod tests;

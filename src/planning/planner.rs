@@ -9,6 +9,7 @@ use super::greedy::Greedy;
 use super::horizon::Horizon;
 use super::square_wave::SquareWave;
 use super::{PlannerKind, Settings, Waypoint};
+use crate::geometry::{Hall, Point};
 use crate::mapping::SolveSurface;
 use crate::mapping::belief::CoarseField;
 use crate::mapping::kalman_grid::KalmanGrid;
@@ -52,8 +53,10 @@ pub struct PlanRequest {
     pub current: Vec<Waypoint>,
     /// Most waypoints that may follow the pending ones.
     pub n_waypoints: usize,
-    /// Most metres that may follow the last pending waypoint, the way home left aside.
+    /// Most metres that may follow the last pending waypoint, the way home included.
     pub longest_m: f64,
+    /// Where the way home ends.
+    pub over_home: Option<Point<Hall>>,
     /// Where a fix is good enough.
     pub free_space: Arc<FreeSpace>,
     /// The LiDAR.

@@ -107,29 +107,9 @@ fn share_steps(edges_m: &[f64], total: usize) -> Vec<u32> {
 mod tests {
     use super::*;
     use crate::mapping::region::Rect;
-    use crate::planning::{PlannerKind, trajectory::Limits};
 
     fn settings() -> Settings {
-        Settings {
-            planner: PlannerKind::SquareWave,
-            n_steps: 50,
-            height_m: 7.0,
-            yaw_rad: 0.0,
-            bounds: Rect { x_min_m: 0.0, y_min_m: 0.0, x_max_m: 20.0, y_max_m: 20.0 },
-            target_ratio: None,
-            leg_spacing_m: Some(5.0),
-            step_radius_m: 2.0,
-            candidate_spacing_m: 1.0,
-            nominal_height_m: 1.5,
-            swath_half_angle_rad: 0.9,
-            min_fix_quality: 2.0,
-            slope_sigma: 0.6,
-            sees_shadows: true,
-            fix_var_share: 0.1,
-            seed: 0,
-            limits: Limits::default(),
-            space: crate::planning::space::SpaceSettings::default(),
-        }
+        Settings::over(Rect { x_min_m: 0.0, y_min_m: 0.0, x_max_m: 20.0, y_max_m: 20.0 })
     }
 
     #[test]

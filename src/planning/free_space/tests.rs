@@ -8,7 +8,6 @@ use crate::mapping::solid::{Prism, Solid};
 use crate::messages::TagFamily;
 use crate::planning::space::SpaceSettings;
 use crate::planning::what_if::{Layout, candidates};
-use crate::planning::{PlannerKind, trajectory};
 use crate::stats::SeedBook;
 use nalgebra::Vector3;
 use std::time::Duration;
@@ -51,24 +50,19 @@ pub(in crate::planning) fn marker_map(hangs: impl Fn(&Vector3<f64>) -> bool) -> 
 
 pub(in crate::planning) fn settings() -> Settings {
     Settings {
-        planner: PlannerKind::Greedy,
         n_steps: 10,
         height_m: 5.0,
         yaw_rad: 0.2,
-        bounds: Rect { x_min_m: 1.5, y_min_m: 1.0, x_max_m: 14.5, y_max_m: 11.0 },
-        leg_spacing_m: 4.0,
-        step_radius_m: 2.0,
-        candidate_spacing_m: 1.0,
         nominal_height_m: 1.0,
         swath_half_angle_rad: 0.9,
         min_fix_quality: 20.0,
-        limits: trajectory::Limits::default(),
         space: SpaceSettings {
             walls: Some(walls()),
             ceiling_m: Some(7.0),
             highest_surface_m: Some(2.0),
             ..SpaceSettings::default()
         },
+        ..Settings::over(Rect { x_min_m: 1.5, y_min_m: 1.0, x_max_m: 14.5, y_max_m: 11.0 })
     }
 }
 

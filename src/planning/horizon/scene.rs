@@ -121,6 +121,11 @@ impl<'a> Scene<'a> {
         joined
     }
 
+    /// Metres from a waypoint to where the way home ends; ways around are not looked for.
+    pub(super) fn way_home_m(&self, from: &Waypoint) -> f64 {
+        self.request.over_home.map_or(0.0, |home| (home - from.place).coords.norm())
+    }
+
     /// What would be seen on a leg.
     pub(super) fn look(&self, from: &Waypoint, to: &Waypoint) -> Arc<Sightings> {
         let free_space = &self.request.free_space;
@@ -131,7 +136,8 @@ impl<'a> Scene<'a> {
     /// leaves the free space or is too long.
     pub(super) fn path(&mut self, waypoints: Vec<Waypoint>, like: Option<&Path>) -> Option<Path> {
         let length_m = self.length_m(&waypoints);
-        if waypoints.is_empty() || length_m > self.request.longest_m {
+        let last = waypoints.last()?;
+        if length_m + self.way_home_m(last) > self.request.longest_m {
             return None;
         }
         let mut from = self.start;

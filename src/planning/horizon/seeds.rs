@@ -68,8 +68,9 @@ fn shortest_part(
     mut waypoints: Vec<Waypoint>,
     best: &[Path],
 ) -> Option<Path> {
-    while scene.length_m(&waypoints) > scene.request.longest_m {
-        waypoints.pop()?;
+    while scene.length_m(&waypoints) + scene.way_home_m(waypoints.last()?) > scene.request.longest_m
+    {
+        waypoints.pop();
     }
     let worst = best.get(N_BEST - 1).map_or(f64::INFINITY, |path| path.score);
     if scene.cost_m(&waypoints[..waypoints.len().min(2)]) >= worst {
