@@ -35,6 +35,7 @@ fn mapper(method: Method) -> Mapper {
         },
         cell_m: 0.25,
         base_height_m: 0.0,
+        obstacles: Vec::new(),
         below_base_m: 0.5,
         max_height_m: 5.0,
         lidar: LidarMount {

@@ -1,9 +1,9 @@
-//! One choice of a waypoint, and one piece of trajectory.
+//! One choice of a waypoint, whole plans, and one piece of trajectory.
 
 #![expect(clippy::expect_used, reason = "a bench stops where its premise fails")]
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use nalgebra::Vector3;
+use nalgebra::{Matrix6, SMatrix, Vector3};
 use std::hint::black_box;
 use std::sync::Arc;
 use std::time::Duration;
@@ -12,29 +12,19 @@ use stockpilot::localization::camera_model::{CameraModel, Lens};
 use stockpilot::localization::marker_map::MarkerMap;
 use stockpilot::mapping::kalman_grid::{self, KalmanGrid};
 use stockpilot::mapping::projection::LidarMount;
-use stockpilot::mapping::region::Rect;
-use stockpilot::messages::{GridGeometry, TagFamily};
+use stockpilot::mapping::region::{Rect, Region};
+use stockpilot::mapping::{self, Mapper, Method, field_map, grid_map};
+use stockpilot::messages::{Beam, GridGeometry, PoseError, Scan, TagFamily};
 use stockpilot::planning::free_space::FreeSpace;
-use stockpilot::planning::greedy::ChooseWaypoint;
+use stockpilot::planning::planner::{Belief, PlanRequest};
 use stockpilot::planning::trajectory::{Knot, Limits, Trajectory};
 use stockpilot::planning::{PlannerKind, Settings, Waypoint};
 use stockpilot::time::Stamp;
 
-fn settings() -> Settings {
-    Settings {
-        planner: PlannerKind::Greedy,
-        n_steps: 50,
-        height_m: 7.0,
-        yaw_rad: 0.0,
-        bounds: Rect { x_min_m: 1.0, y_min_m: 1.0, x_max_m: 19.0, y_max_m: 19.0 },
-        leg_spacing_m: 5.0,
-        step_radius_m: 2.0,
-        candidate_spacing_m: 1.0,
-        nominal_height_m: 1.5,
-        swath_half_angle_rad: 0.87,
-        min_fix_quality: 2.0,
-        limits: Limits::default(),
-    }
+fn settings(planner: PlannerKind, side_m: f64) -> Settings {
+    let (low, high) = (1.0, side_m - 1.0);
+    let bounds = Rect { x_min_m: low, y_min_m: low, x_max_m: high, y_max_m: high };
+    Settings { planner, ..Settings::over(bounds) }
 }
 
 /// Tags of 0.6 m along the wall at x = 24 m.
@@ -67,36 +57,137 @@ fn camera() -> CameraModel {
     }
 }
 
-fn greedy_choice(c: &mut Criterion) {
-    let settings = settings();
+fn lidar() -> LidarMount {
+    LidarMount {
+        body_from_lidar: Transform::new(
+            Rotation::from_euler_rad(0.0, std::f64::consts::FRAC_PI_2, 0.0),
+            Point::origin(),
+        ),
+        range_sigma_m: 0.012,
+        angle_sigma_rad: 0.002,
+        min_range_m: 0.15,
+        max_range_m: 12.0,
+        blind_sectors_rad: Vec::new(),
+    }
+}
+
+fn request(settings: Settings, belief: Belief, pending: Vec<Waypoint>) -> PlanRequest {
     let free_space = FreeSpace::evaluate(&settings, &[camera()], &marker_map(), 0.5);
+    PlanRequest {
+        n_waypoints: settings.n_steps,
+        longest_m: f64::INFINITY,
+        over_home: None,
+        free_space: Arc::new(free_space),
+        lidar: lidar(),
+        belief,
+        volume_m3: 900.0,
+        constant_var_m6: 0.0,
+        accounted: None,
+        current: Vec::new(),
+        pending,
+        settings,
+    }
+}
+
+fn greedy_choice(c: &mut Criterion) {
     let from = Waypoint { place: Point::new(10.0, 10.0, 7.0), yaw_rad: 0.0 };
     let geometry =
         GridGeometry { x_min_m: 0.0, y_min_m: 0.0, cell_m: 0.25, n_cols: 80, n_rows: 80 };
-    let choice = ChooseWaypoint {
-        belief: KalmanGrid::new(geometry, kalman_grid::Settings::default()),
-        pending: vec![from],
-        free_space: Arc::new(free_space),
-        lidar: LidarMount {
-            body_from_lidar: Transform::new(
-                Rotation::from_euler_rad(0.0, std::f64::consts::FRAC_PI_2, 0.0),
-                Point::origin(),
-            ),
-            range_sigma_m: 0.012,
-            angle_sigma_rad: 0.002,
-            min_range_m: 0.15,
-            max_range_m: 12.0,
-            blind_sectors_rad: Vec::new(),
-        },
-        cell_areas_m2: vec![0.0625; 6400].into(),
-        settings,
+    let belief = Belief::Grid {
+        cells: Box::new(KalmanGrid::new(geometry, kalman_grid::Settings::default())),
+        areas_m2: vec![0.0625; 6400].into(),
     };
-    let chosen = choice.run().expect("a waypoint");
+    let choice = request(settings(PlannerKind::Greedy, 20.0), belief, vec![from]);
+    let chosen = choice.run().waypoints[0];
     let step_m = chosen.distance_m(&from);
     assert!((0.5..=2.0 + 1e-6).contains(&step_m), "{step_m} m");
     let mut group = c.benchmark_group("greedy");
     group.sample_size(10);
     group.bench_function("choice_80x80", |b| b.iter(|| black_box(&choice).run()));
+    group.finish();
+}
+
+/// A map of 25 m × 25 m in cells of 0.25 m, after the first 10 m of a flight along y = 8 m.
+fn begun_map() -> Mapper {
+    let bounds = Rect { x_min_m: 0.0, y_min_m: 0.0, x_max_m: 25.0, y_max_m: 25.0 };
+    let mut mapper = Mapper::new(mapping::Settings {
+        method: Method::MaternField,
+        region: Region {
+            bounds,
+            exclusions: Vec::new(),
+            exclusion_margin_m: 0.0,
+            bays: Vec::new(),
+        },
+        cell_m: 0.25,
+        base_height_m: 0.0,
+        obstacles: Vec::new(),
+        below_base_m: 0.5,
+        max_height_m: 5.0,
+        lidar: lidar(),
+        grid: grid_map::Settings::default(),
+        field: field_map::Settings::default(),
+        max_position_sigma_m: 0.2,
+    });
+    for turn in 0..50_u64 {
+        let start = Stamp::ZERO.plus(Duration::from_millis(100 * turn));
+        #[expect(clippy::cast_precision_loss, reason = "few turns")]
+        let place = Point::new(0.2 * turn as f64, 8.0, 7.0);
+        let pose = Transform::new(Rotation::identity(), place);
+        #[expect(clippy::cast_possible_truncation, reason = "single precision on the wire")]
+        let beams = (-80..=80)
+            .map(|k| f64::from(k) * 0.014)
+            .filter(|angle_rad| 5.5 / angle_rad.cos() < 12.0)
+            .map(|angle_rad| Beam {
+                offset_ns: 0,
+                angle_rad: angle_rad as f32,
+                range_m: (5.5 / angle_rad.cos()) as f32,
+                intensity: 1,
+            })
+            .collect();
+        let error = |at, _| {
+            Some(PoseError {
+                at,
+                cov: SMatrix::identity() * 1e-5,
+                from_previous: SMatrix::zeros(),
+                velocity_mps: Vector3::zeros(),
+                rate_radps: Vector3::zeros(),
+                tags: Vec::new(),
+            })
+        };
+        let pose_at = |_| Some((pose, Matrix6::identity() * 1e-5));
+        mapper.insert(&Scan { start, beams }, pose_at, error);
+    }
+    let solved = mapper.snapshot(Stamp::ZERO, false).run().expect("solved");
+    mapper.absorb(&solved);
+    mapper
+}
+
+/// Plans over 100 × 100 cells: from nothing, and the step that betters a plan under way.
+fn horizon(c: &mut Criterion) {
+    let mapper = begun_map();
+    let belief = Belief::Field {
+        field: Arc::new(mapper.coarse_field().expect("a prior")),
+        surface: Box::new(mapper.snapshot(Stamp::ZERO, false)),
+    };
+    let settings = Settings {
+        target_ratio: Some(0.01),
+        sees_shadows: true,
+        ..settings(PlannerKind::Horizon, 25.0)
+    };
+    let from = Waypoint { place: Point::new(10.0, 8.0, 7.0), yaw_rad: 0.0 };
+    let whole = request(settings, belief, vec![from]);
+    // The grid of the fix quality is evaluated here, once and for all.
+    let plan = whole.run();
+    let sure = plan.prediction.expect("a prediction").sigma_end_m3;
+    assert!(sure <= 9.0, "σ^V {sure} m³ at the end of {plan:?}");
+    let mut again = whole.clone();
+    again.pending.extend(&plan.waypoints[..2]);
+    again.current = plan.waypoints[2..].to_vec();
+    assert!(!again.run().waypoints.is_empty());
+    let mut group = c.benchmark_group("horizon");
+    group.sample_size(10);
+    group.bench_function("first_plan_100x100", |b| b.iter(|| black_box(&whole).run()));
+    group.bench_function("step_100x100", |b| b.iter(|| black_box(&again).run()));
     group.finish();
 }
 
@@ -119,5 +210,5 @@ fn trajectory(c: &mut Criterion) {
     });
 }
 
-criterion_group!(benches, greedy_choice, trajectory);
+criterion_group!(benches, greedy_choice, horizon, trajectory);
 criterion_main!(benches);

@@ -16,6 +16,8 @@ mod field_layout;
 mod file;
 mod load;
 mod markers;
+mod mesh_file;
+mod obstacles;
 
 pub use bays::{BaseSection, BaySection, ExclusionSection};
 pub use cameras::{CameraSection, LensName};
@@ -27,3 +29,5 @@ pub use file::{
 };
 pub use load::load;
 pub use markers::{MarkersSection, PointSection, TagSection};
+pub use mesh_file::MeshContent;
+pub use obstacles::{FenceSection, ObstacleSection, SpaceSection};

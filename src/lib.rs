@@ -13,6 +13,7 @@
 //! | 5 | [`mission`] | phases and guards |
 //! | 6 | [`pilot`] | the brain: one event in, actions out, no I/O |
 //! | 7 | `link`, `lidar`, `camera`, `record` | feature `service`: the edges |
+//! | 7 | `figure` | feature `figures`, part of `service`: pictures of maps and curves |
 //! | 8 | `config` | the file, checked and turned into the settings of all of them |
 //! | 9 | `service`, `survey` | tasks, clock, supervision; after the flight: merged maps, changes |
 
@@ -38,6 +39,8 @@ pub mod pilot;
 pub mod camera;
 #[cfg(feature = "service")]
 pub mod config;
+#[cfg(feature = "figures")]
+pub mod figure;
 #[cfg(feature = "service")]
 pub mod lidar;
 #[cfg(feature = "service")]

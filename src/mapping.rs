@@ -14,6 +14,7 @@
 
 pub mod base;
 pub mod bay;
+pub mod belief;
 pub mod budget;
 pub mod change;
 pub mod clip;
@@ -32,6 +33,7 @@ pub mod projection;
 pub mod region;
 pub mod roughness;
 pub mod shares;
+pub mod solid;
 pub mod sparse_cholesky;
 pub mod sparse_gp;
 pub mod statement;
@@ -43,4 +45,6 @@ mod mapper;
 mod rect;
 
 pub use grid_map::VolumeVariance;
-pub use mapper::{Mapper, Method, PoseWithCov, Settings, SolveError, SolveSurface, SolvedSurface};
+pub use mapper::{
+    KnownHeights, Mapper, Method, PoseWithCov, Settings, SolveError, SolveSurface, SolvedSurface,
+};

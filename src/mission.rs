@@ -10,9 +10,11 @@
 //!
 //! Not done here: setpoints (the pilot derives them from the phase), measuring, planning.
 
+mod energy;
 mod guards;
 mod machine;
 
+pub use energy::EnergyGauge;
 pub use guards::{PreflightFault, Settings};
 pub use machine::{Effect, Inputs, Mission};
 

@@ -15,6 +15,7 @@ mod flight_path;
 mod intake;
 mod job;
 mod route;
+mod survey_plan;
 
 pub use event::{Action, Event, FlightSummary, JobId, PhaseChange, VolumeReport};
 pub use job::{Job, JobOutput};
@@ -26,7 +27,7 @@ use crate::messages::{
     BatterySample, DisturbedArea, NavEstimate, OperatorAnswer, OperatorCommand, Scan, Severity,
     StatusText, VehicleState, VolumeAccount,
 };
-use crate::mission::{self, Effect, Inputs, Mission, Phase};
+use crate::mission::{self, Effect, EnergyGauge, Inputs, Mission, Phase};
 use crate::planning;
 use crate::planning::Waypoint;
 use crate::planning::free_space::FreeSpace;
@@ -37,6 +38,7 @@ use nalgebra::Vector3;
 use route::Route;
 use std::collections::VecDeque;
 use std::time::Duration;
+use survey_plan::{PlanFacts, SurveyPlan};
 
 /// How often the brain wants [`Event::Ticked`], Hz. Odd ticks steer, even ones publish odometry.
 pub const TICK_RATE_HZ: u32 = 60;
@@ -96,6 +98,7 @@ pub struct Pilot {
     /// Where the flight began; the return leads here.
     home: Option<Point<Hall>>,
     flown: FlownPath,
+    energy: EnergyGauge,
     /// Landed, waiting for the last solve.
     ending: Option<Ending>,
     /// The disturbed area that the people were told of last, m².
@@ -116,7 +119,7 @@ struct Jobs {
     next_id: u64,
     solve: Option<JobId>,
     last_solve_at: Stamp<Mono>,
-    choice: Option<JobId>,
+    plan: Option<JobId>,
     /// The solve under way is the one after landing.
     is_final_solve: bool,
 }
@@ -139,11 +142,13 @@ impl Pilot {
             &settings.localization.marker_map,
             settings.localization.vision.corner_sigma_px,
         );
+        let mapper = Mapper::new(settings.mapping.clone());
+        let plan = SurveyPlan::new(settings.planning.clone(), free_space, &mapper);
         Self {
             localizer,
-            mapper: Mapper::new(settings.mapping.clone()),
+            mapper,
             mission: Mission::new(settings.mission),
-            route: Route::new(settings.planning.clone(), free_space),
+            route: Route::new(plan),
             frames: FrameWatch::new(settings.localization.cameras.len()),
             settings,
             now: Stamp::ZERO,
@@ -158,6 +163,7 @@ impl Pilot {
             last_report_at: Stamp::ZERO,
             home: None,
             flown: FlownPath::default(),
+            energy: EnergyGauge::default(),
             ending: None,
             told_disturbed_m2: 0.0,
         }
@@ -198,7 +204,12 @@ impl Pilot {
                 // The pilot's switch must not wait for the next tick.
                 self.run_mission(actions);
             }
-            Event::Battery(battery) => self.battery = Some(battery),
+            Event::Battery(battery) => {
+                self.battery = Some(battery);
+                if matches!(self.mission.phase(), Phase::TakeOff | Phase::Survey) {
+                    self.energy.read(battery.remaining_ratio, self.flown.length_m);
+                }
+            }
             // Kept in the log; the mission rests on the companion's own estimate.
             Event::AutopilotPose(_) => {}
             Event::CommandAnswered(outcome) => {
@@ -245,8 +256,8 @@ impl Pilot {
         self.run_mission(actions);
         if self.mission.phase() == Phase::Survey {
             self.route.survey(now);
-            self.choose_if_due(actions);
         }
+        self.plan_if_due(actions);
         if self.n_ticks % 2 == 1 {
             self.steer(actions);
         } else {
@@ -313,9 +324,9 @@ impl Pilot {
                 .battery
                 .filter(|battery| self.now.since(battery.at) < BATTERY_OLD_AFTER)
                 .map(|battery| battery.remaining_ratio),
-            has_plan: self.route.has_plan(),
-            is_plan_done: self.route.is_done(),
-            is_plan_complete: self.route.is_complete(),
+            has_plan: self.route.plan.has_somewhere_to_go(),
+            is_plan_done: self.route.plan.is_done(),
+            is_plan_complete: self.route.plan.is_complete(),
             heading_error_rad: self.localizer.estimate().map(|estimate| {
                 let yaw_rad = estimate.hall_from_body.rotation.yaw_rad();
                 wrapped_rad(yaw_rad - self.route.settings().yaw_rad)
@@ -347,7 +358,7 @@ impl Pilot {
                 Effect::Ended { is_complete } => {
                     self.ending = Some(Ending {
                         is_complete,
-                        steps_done: self.route.steps_done(),
+                        steps_done: self.route.plan.steps_done(),
                         path_length_m: self.flown.length_m,
                     });
                     self.start_solve(true, actions);
@@ -365,9 +376,10 @@ impl Pilot {
                 self.mapper.restart();
                 self.accounts.clear();
                 self.told_disturbed_m2 = 0.0;
-                self.jobs.choice = None;
+                self.jobs.plan = None;
                 self.route.restart();
                 self.flown = FlownPath::default();
+                self.energy.restart();
                 self.home = here;
                 if let Some(place) = here {
                     self.stand(place);
@@ -380,12 +392,12 @@ impl Pilot {
                     self.stand(place);
                 }
                 if let Some(over_home) = self.home.map(|home| self.above(&home)) {
-                    self.route.path_mut().go_to(over_home, self.now);
+                    self.route.go_to(over_home, self.now);
                 }
             }
             Phase::Return => {
                 if let Some(over_home) = self.home.map(|home| self.above(&home)) {
-                    self.route.path_mut().go_to(over_home, self.now);
+                    self.route.go_to(over_home, self.now);
                 }
             }
             Phase::Hold => self.route.path_mut().brake(self.now),
@@ -487,22 +499,34 @@ impl Pilot {
         actions.push(Action::Start { id, job: Box::new(job) });
     }
 
-    fn choose_if_due(&mut self, actions: &mut Vec<Action>) {
-        if self.jobs.choice.is_some() {
+    /// Asks for waypoints; the first ones while the vehicle still climbs.
+    fn plan_if_due(&mut self, actions: &mut Vec<Action>) {
+        if self.jobs.plan.is_some() {
             return;
         }
-        let Some(trajectory) = self.route.path().trajectory() else { return };
-        let knot = trajectory.knot_at(self.now);
-        let from = Waypoint {
-            place: Point::from_coords(knot.position),
-            yaw_rad: wrapped_rad(knot.yaw.angle_rad),
+        let from = match self.mission.phase() {
+            Phase::TakeOff => self.home.map(|home| self.above(&home)),
+            Phase::Survey => self.route.path().trajectory().map(|trajectory| {
+                let knot = trajectory.knot_at(self.now);
+                Waypoint {
+                    place: Point::from_coords(knot.position),
+                    yaw_rad: wrapped_rad(knot.yaw.angle_rad),
+                }
+            }),
+            _ => None,
         };
+        let Some(from) = from else { return };
         let lidar = &self.settings.mapping.lidar;
-        if let Some(choice) = self.route.choice_due(&from, &self.mapper, lidar) {
+        let whole = self.accounts.first();
+        // The way home ends with what the mission would return on.
+        let reserve_ratio = self.settings.mission.return_battery_ratio;
+        let reach_m = self.energy.reach_m(reserve_ratio).unwrap_or(f64::INFINITY);
+        let over_home = self.home.map(|home| self.above(&home).place);
+        let facts = PlanFacts { from, whole, reach_m, over_home, now: self.now };
+        if let Some(request) = self.route.plan.plan_due(&facts, &self.mapper, lidar) {
             let id = self.new_job_id();
-            self.jobs.choice = Some(id);
-            actions
-                .push(Action::Start { id, job: Box::new(Job::ChooseWaypoint(Box::new(choice))) });
+            self.jobs.plan = Some(id);
+            actions.push(Action::Start { id, job: Box::new(Job::Plan(Box::new(request))) });
         }
     }
 
@@ -514,9 +538,9 @@ impl Pilot {
 
     fn on_finished(&mut self, id: JobId, output: JobOutput, actions: &mut Vec<Action>) {
         match output {
-            JobOutput::WaypointChosen(chosen) if self.jobs.choice == Some(id) => {
-                self.jobs.choice = None;
-                self.route.on_choice(chosen, self.now);
+            JobOutput::Planned(plan) if self.jobs.plan == Some(id) => {
+                self.jobs.plan = None;
+                self.route.on_plan(plan, self.now);
             }
             JobOutput::SurfaceSolved(solved) if self.jobs.solve == Some(id) => {
                 self.jobs.solve = None;
@@ -524,15 +548,15 @@ impl Pilot {
             }
             JobOutput::Died => self.on_died(id, actions),
             // A job that a later one has replaced.
-            JobOutput::WaypointChosen(_) | JobOutput::SurfaceSolved(_) => {}
+            JobOutput::Planned(_) | JobOutput::SurfaceSolved(_) => {}
         }
     }
 
     /// Goes on without the result of a job: no more waypoints, or the last volume.
     fn on_died(&mut self, id: JobId, actions: &mut Vec<Action>) {
-        if self.jobs.choice == Some(id) {
-            self.jobs.choice = None;
-            self.route.on_choice(None, self.now);
+        if self.jobs.plan == Some(id) {
+            self.jobs.plan = None;
+            self.route.plan.on_no_plan();
             say(actions, Severity::Error, "the planner died: ending the survey".to_owned());
         } else if self.jobs.solve == Some(id) {
             self.jobs.solve = None;
@@ -547,6 +571,7 @@ impl Pilot {
                 self.mapper.absorb(&solved);
                 self.tell_of_disturbed(&solved.disturbed, actions);
                 self.accounts.clone_from(&solved.accounts);
+                self.stop_at_target(actions);
                 actions.push(Action::VolumesAccounted(solved.accounts));
                 actions.push(Action::SurfaceSolved(Box::new(solved.surface)));
             }
@@ -569,6 +594,16 @@ impl Pilot {
                 "something moved: {area_m2:.1} m2 not measured since, most near x {x_m:.1} y {y_m:.1} m{bay}"
             );
             say(actions, Severity::Warning, text);
+        }
+    }
+
+    /// Ends the survey once the volume is sure enough.
+    fn stop_at_target(&mut self, actions: &mut Vec<Action>) {
+        let is_surveying = self.mission.phase() == Phase::Survey;
+        let Some(whole) = self.accounts.first().filter(|_| is_surveying) else { return };
+        if self.route.plan.stops_at_target(whole) {
+            let percent = 100.0 * whole.estimate.sigma_m3 / whole.estimate.volume_m3;
+            say(actions, Severity::Info, format!("volume known to {percent:.2} %: survey ends"));
         }
     }
 
@@ -600,7 +635,7 @@ impl Pilot {
             estimate,
             hits: self.mapper.counts(),
             phase: self.mission.phase(),
-            steps_done: self.route.steps_done(),
+            steps_done: self.route.plan.steps_done(),
             battery_ratio: self.battery.map(|battery| battery.remaining_ratio),
             position_sigma_m: self.localizer.position_sigma_m(),
             is_final,

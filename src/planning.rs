@@ -1,15 +1,28 @@
 //! Where to look next, and how to get there.
 //!
-//! [`free_space`] says where the vehicle may be and still know where it is; [`square_wave`] and
-//! [`greedy`] choose waypoints there; [`trajectory`] joins them within the airframe's bounds.
+//! [`free_space`] says where the vehicle may be and still know where it is: [`clearance`] is its
+//! geometry, [`quality_grid`] its fixes. Planners ([`planner`]) choose waypoints there:
+//! [`square_wave`], [`greedy`] and [`horizon`], the default. [`trajectory`] joins them within the
+//! airframe's bounds.
 
+pub mod clearance;
 pub mod free_space;
 pub mod greedy;
+pub mod grid_axis;
+pub mod height_view;
+pub mod horizon;
+pub mod planner;
+pub mod quality_grid;
+pub mod sight;
+pub mod space;
 pub mod square_wave;
 pub mod trajectory;
+pub mod way;
+pub mod what_if;
 
 use crate::geometry::{Body, Hall, Point, Rotation, Transform};
 use crate::mapping::region::Rect;
+use crate::units::wrapped_rad;
 
 /// Who chooses the waypoints.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -17,8 +30,10 @@ pub enum PlannerKind {
     /// Parallel legs at equal distance, the baseline.
     SquareWave,
     /// The paper's: always the next waypoint that leaves the smallest σ^V.
-    #[default]
     Greedy,
+    /// Whole paths, scored by the σ^V that they leave.
+    #[default]
+    Horizon,
 }
 
 /// What the planning must know before a flight.
@@ -34,8 +49,10 @@ pub struct Settings {
     pub yaw_rad: f64,
     /// Where waypoints may lie.
     pub bounds: Rect,
-    /// Distance of neighbouring legs of the square wave, m.
-    pub leg_spacing_m: f64,
+    /// The survey ends once σ^V/V is this small; `None`: it flies all its waypoints.
+    pub target_ratio: Option<f64>,
+    /// Distance of neighbouring legs of the square wave, m; `None`: whatever leaves the smallest σ^V.
+    pub leg_spacing_m: Option<f64>,
     /// How far the greedy planner looks, the paper's R, m.
     pub step_radius_m: f64,
     /// Distance of neighbouring candidate waypoints, m.
@@ -46,8 +63,45 @@ pub struct Settings {
     pub swath_half_angle_rad: f64,
     /// τ: waypoints need a quality of fix `q_pos` above it.
     pub min_fix_quality: f64,
+    /// Standard deviation of the slope of ground that is not known, no unit.
+    pub slope_sigma: f64,
+    /// What the map knows hides what is behind it; otherwise predictions see a flat surface.
+    pub sees_shadows: bool,
+    /// Variance of the filter's pose over that of one fix, as predictions assume it.
+    pub fix_var_share: f64,
+    /// Seed of the search for paths.
+    pub seed: u64,
     /// Bounds of the trajectory.
     pub limits: trajectory::Limits,
+    /// What the vehicle keeps away from.
+    pub space: space::SpaceSettings,
+}
+
+impl Settings {
+    /// Usual settings for waypoints inside `bounds`.
+    #[must_use]
+    pub fn over(bounds: Rect) -> Self {
+        Self {
+            planner: PlannerKind::default(),
+            n_steps: 50,
+            height_m: 7.0,
+            yaw_rad: 0.0,
+            bounds,
+            target_ratio: None,
+            leg_spacing_m: None,
+            step_radius_m: 2.0,
+            candidate_spacing_m: 1.0,
+            nominal_height_m: 1.5,
+            swath_half_angle_rad: 0.87,
+            min_fix_quality: 2.0,
+            slope_sigma: 0.6,
+            sees_shadows: false,
+            fix_var_share: 0.1,
+            seed: 0,
+            limits: trajectory::Limits::default(),
+            space: space::SpaceSettings::default(),
+        }
+    }
 }
 
 /// A place to fly to, and the heading there.
@@ -64,6 +118,16 @@ impl Waypoint {
     #[must_use]
     pub fn distance_m(&self, other: &Self) -> f64 {
         (self.place - other.place).coords.norm()
+    }
+
+    /// The place and the heading at this share of the straight way to another waypoint, turning the
+    /// shorter way.
+    #[must_use]
+    pub fn towards(&self, other: &Self, share: f64) -> Self {
+        Self {
+            place: Point::from_coords(self.place.coords.lerp(&other.place.coords, share)),
+            yaw_rad: self.yaw_rad + wrapped_rad(other.yaw_rad - self.yaw_rad) * share,
+        }
     }
 
     /// The pose of a level body there.

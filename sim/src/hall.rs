@@ -6,12 +6,12 @@ use crate::camera::CameraModel;
 use crate::lidar::LidarModel;
 use crate::scenario::{Scenario, Variance};
 use crate::vehicle::VehicleSettings;
-use crate::world::{Bay, Region, World};
+use crate::world::{Bay, Cuboid, Region, World};
 use std::path::PathBuf;
 use stockpilot::config::{
     BaySection, CameraSection, Config, FilterSection, HallSection, LensName, LidarSection,
-    LinkSection, LogSection, MarkersSection, MissionSection, MountSection, PlanningSection,
-    RectSection, SurfaceSection, TagSection, UncertaintySection,
+    LinkSection, LogSection, MarkersSection, MissionSection, MountSection, ObstacleSection,
+    PlanningSection, RectSection, SurfaceSection, TagSection, UncertaintySection,
 };
 use stockpilot::geometry::{Body, Camera, Frame, Rotation, Transform};
 
@@ -69,7 +69,8 @@ pub fn config(scenario: &Scenario, devices: Devices) -> Config {
         planning: PlanningSection {
             planner: scenario.planner.config_name(),
             n_steps: scenario.n_steps,
-            leg_spacing_m: conditions.leg_spacing_m.unwrap_or(planning.leg_spacing_m),
+            leg_spacing_m: conditions.leg_spacing_m,
+            target_percent: conditions.target_percent,
             max_speed_mps: conditions.cruise_mps.unwrap_or(planning.max_speed_mps),
             ..planning
         },
@@ -81,6 +82,8 @@ pub fn config(scenario: &Scenario, devices: Devices) -> Config {
         tags: tags(world, &conditions.errors),
         bays: bays(world),
         exclusions: Vec::new(),
+        obstacles: world.obstacles.iter().map(obstacle).collect(),
+        fence: None,
         points: Vec::new(),
     }
 }
@@ -129,6 +132,8 @@ fn hall(world: &World) -> HallSection {
         base_sigma_m: 0.0,
         base: None,
         max_pile_height_m: MAX_PILE_HEIGHT_M,
+        walls_m: Some(world.outline_m.clone()),
+        ceiling_m: Some(world.hall.max_m.z),
         exclusions: world
             .walls_inside
             .iter()
@@ -152,6 +157,12 @@ fn bays(world: &World) -> Vec<BaySection> {
         density_sigma_t_per_m3: Some(sigma),
     };
     world.bays.iter().map(section).collect()
+}
+
+fn obstacle(cuboid: &Cuboid) -> ObstacleSection {
+    let size_m = cuboid.max_m - cuboid.min_m;
+    let centre_m = cuboid.min_m + 0.5 * size_m;
+    ObstacleSection::Box { centre_m: centre_m.into(), size_m: size_m.into(), yaw_deg: 0.0 }
 }
 
 /// A strip narrower than this between a wall and the region's border belongs to no bay, m.
@@ -234,6 +245,7 @@ mod tests {
     use crate::scenario::{Conditions, Lidar, Planner, Surface};
     use nalgebra::Vector3;
     use stockpilot::config::VolumeVarianceName;
+    use stockpilot::planning::free_space::FreeSpace;
 
     #[test]
     fn the_configuration_holds_the_true_mountings_and_lens() {
@@ -263,6 +275,38 @@ mod tests {
         let ours = camera.project(&stockpilot::geometry::Point::from_coords(p)).expect("seen").0;
         let theirs = truth.lens.project(&p).expect("seen");
         assert!((ours - nalgebra::Vector2::from(theirs)).norm() < 1e-9);
+    }
+
+    /// How many of the candidate sites of the configured flight are feasible.
+    fn feasible_share(world: &str, seed: u64) -> f64 {
+        let option = format!("--world={world}");
+        let words = ["test", option.as_str()];
+        let options = <Options as clap::Parser>::try_parse_from(words).expect("options");
+        let scenario = options.scenario.scenario(seed).expect("a scenario");
+        let settings = config(&scenario, Devices::none()).pilot_settings().expect("valid");
+        let localization = &settings.localization;
+        let space = FreeSpace::evaluate(
+            &settings.planning,
+            &localization.cameras,
+            &localization.marker_map,
+            localization.vision.corner_sigma_px,
+        );
+        for site in space.feasible() {
+            let clearance_m = scenario.world.clearance_m(&site.waypoint.place, 1.0);
+            assert!(clearance_m > 0.49, "{world}: {:?} is {clearance_m} m", site.waypoint);
+        }
+        space.feasible().count() as f64 / 441.0
+    }
+
+    #[test]
+    fn every_world_has_the_free_space_that_its_name_says() {
+        assert!((feasible_share("alps", 1) - 1.0).abs() < 1e-12);
+        let [columns, l_hall, poor_fix] =
+            ["columns", "l-hall", "poor-fix"].map(|world| feasible_share(world, 2));
+        println!("columns {columns}, l-hall {l_hall}, poor-fix {poor_fix}");
+        assert!((0.9..1.0).contains(&columns), "{columns}");
+        assert!((0.6..0.9).contains(&l_hall), "{l_hall}");
+        assert!((0.4..0.8).contains(&poor_fix), "{poor_fix}");
     }
 
     #[derive(Debug, clap::Parser)]
@@ -301,7 +345,7 @@ mod tests {
         assert!((told.surface.slope_sigma / plain.surface.slope_sigma - 2.0).abs() < 1e-12);
         assert_eq!(told.surface.volume_variance, VolumeVarianceName::Printed);
         assert!((told.planning.max_speed_mps - 0.5).abs() < 1e-12);
-        assert!((told.planning.leg_spacing_m - 2.5).abs() < 1e-12);
+        assert_eq!(told.planning.leg_spacing_m, Some(2.5));
         let offsets_m: Vec<f64> = std::iter::zip(&told.tags, &unusual.world.tags)
             .flat_map(|(told, hung)| {
                 (0..3).map(|k| told.corners_m[0][k] - hung.corners[0].coords[k])

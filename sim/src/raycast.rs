@@ -1,14 +1,14 @@
 //! Where a beam ends in the true hall.
 //!
 //! One cast asks, in this order: where the beam leaves the hall's box (and, through an opening, where
-//! it meets the ground outside), which inside wall or guest is in front of that, and where it meets
+//! it meets the ground outside), which inside wall, obstacle or guest is in front of that, and where it meets
 //! the material in front of all. Each answer shortens the beam for the next question. Intersections
 //! are closed forms, so a hit is exact to rounding.
 
 mod slab;
 mod terrain;
 
-use crate::world::World;
+use crate::world::{Cuboid, World};
 use nalgebra::Vector3;
 use stockpilot::geometry::{Direction, Hall, Point};
 
@@ -19,6 +19,8 @@ pub enum Surface {
     Material,
     /// A wall of a bay.
     InsideWall,
+    /// A column, a bridge or the like.
+    Obstacle,
     /// Floor, wall or ceiling of the hall.
     Hall,
     /// Something that stands or drives in the hall for a while.
@@ -74,9 +76,14 @@ pub fn cast(
     let ray = Ray::new(origin, direction);
     let shell = slab::exit(&ray, &world.hall)?;
     let mut nearest = if is_open(world, &ray, &shell) { outside(&ray) } else { Some(shell) };
-    let guests = world.guests.iter().filter_map(|guest| slab::entry(&ray, guest));
-    let guests = guests.map(|hit| RayHit { surface: Surface::Guest, ..hit });
-    for hit in inside_wall(world, &ray).into_iter().chain(guests) {
+    let of = |solids: &[Cuboid], surface: Surface| {
+        let hits = solids.iter().filter_map(|solid| slab::entry(&ray, solid));
+        let nearest = hits.min_by(|a, b| a.distance_m.total_cmp(&b.distance_m));
+        nearest.map(|hit| RayHit { surface, ..hit })
+    };
+    let obstacle = of(&world.obstacles, Surface::Obstacle);
+    let guest = of(&world.guests, Surface::Guest);
+    for hit in [inside_wall(world, &ray), obstacle, guest].into_iter().flatten() {
         if nearest.is_none_or(|nearest| hit.is_before(&nearest)) {
             nearest = Some(hit);
         }

@@ -171,6 +171,7 @@ fn is_solid(world: &World, p: &Point<Hall>) -> bool {
         || world
             .walls_inside
             .iter()
+            .chain(&world.obstacles)
             .chain(&world.guests)
             .any(|wall| wall.depth_m(&p.coords) > SKIN_M)
 }

@@ -14,14 +14,17 @@ use std::path::Path;
 use stockpilot::config::{PlannerName, SurfaceName, VolumeVarianceName};
 use stockpilot::stats::SeedBook;
 
+/// Worlds that are made from a seed.
+const GENERATED: [&str; 5] = ["alps", "piles", "columns", "l-hall", "poor-fix"];
+
 /// The options that `fly` and `campaign` share.
 #[derive(Debug, Clone, Args)]
 pub struct ScenarioArgs {
-    /// `alps`, `piles`, or the path of an ESRI ASCII grid.
+    /// `alps`, `piles`, `columns`, `l-hall`, `poor-fix`, or the path of an ESRI ASCII grid.
     #[arg(long, default_value = "alps")]
     pub world: String,
     /// Who chooses the waypoints.
-    #[arg(long, value_enum, default_value_t = Planner::Greedy)]
+    #[arg(long, value_enum, default_value_t = Planner::Horizon)]
     pub planner: Planner,
     /// Metres in the hall per unit of length in the grid file.
     #[arg(long, default_value_t = 0.001)]
@@ -45,9 +48,12 @@ pub struct ScenarioArgs {
     /// climb takes longer than a take-off may.
     #[arg(long, value_name = "M_PER_S")]
     pub cruise_mps: Option<f64>,
-    /// Distance of neighbouring legs of the square wave, m; the service's own default if left out.
+    /// Distance of neighbouring legs of the square wave, m; left out, the best is looked for.
     #[arg(long, value_name = "M")]
     pub leg_spacing_m: Option<f64>,
+    /// The survey ends once σ^V is this share of V, %; left out, it flies all its steps.
+    #[arg(long, value_name = "PERCENT")]
+    pub target_percent: Option<f64>,
     /// Each run draws errors of calibration from their σ, and the service is told these σ: of all
     /// sources, or of those named after `=`.
     #[arg(
@@ -60,7 +66,7 @@ pub struct ScenarioArgs {
         default_missing_value = "range,mount,clock,markers"
     )]
     pub draw_errors: Vec<ErrorSource>,
-    /// Slopes of alps and piles times this; the service is told of the slopes.
+    /// Slopes of generated worlds times this; the service is told of the slopes.
     #[arg(long, value_name = "TIMES", default_value_t = 1.0)]
     pub steepness: f64,
     /// Noise of the markers' corners times this; the service is told of the noise.
@@ -78,6 +84,8 @@ pub enum Planner {
     SquareWave,
     /// The paper's one-step planner.
     Greedy,
+    /// Whole paths, scored by the σ^V that they leave.
+    Horizon,
 }
 
 /// How the surface is kept.
@@ -134,6 +142,7 @@ impl Planner {
         match self {
             Self::SquareWave => PlannerName::SquareWave,
             Self::Greedy => PlannerName::Greedy,
+            Self::Horizon => PlannerName::Horizon,
         }
     }
 
@@ -143,6 +152,7 @@ impl Planner {
         match self {
             Self::SquareWave => "square-wave",
             Self::Greedy => "greedy",
+            Self::Horizon => "horizon",
         }
     }
 }
@@ -202,8 +212,10 @@ pub struct Conditions {
     pub hazards: Hazards,
     /// Largest speed of the survey, m/s; the service's own default if `None`.
     pub cruise_mps: Option<f64>,
-    /// Distance of the square wave's legs, m; the service's own default if `None`.
+    /// Distance of the square wave's legs, m; the best is looked for if `None`.
     pub leg_spacing_m: Option<f64>,
+    /// The survey ends once σ^V is this share of V, %; it flies all its steps if `None`.
+    pub target_percent: Option<f64>,
 }
 
 impl Default for Conditions {
@@ -216,6 +228,7 @@ impl Default for Conditions {
             hazards: Hazards::default(),
             cruise_mps: None,
             leg_spacing_m: None,
+            target_percent: None,
         }
     }
 }
@@ -291,14 +304,15 @@ impl ScenarioArgs {
             hazards: self.hazards,
             cruise_mps: self.cruise_mps,
             leg_spacing_m: self.leg_spacing_m,
+            target_percent: self.target_percent,
         }
     }
 
     fn check(&self) -> anyhow::Result<()> {
-        let is_generated = ["alps", "piles"].contains(&self.world.as_str());
+        let is_generated = GENERATED.contains(&self.world.as_str());
         let is_usual = (self.steepness - 1.0).abs() < f64::EPSILON;
         ensure!((0.1..=4.0).contains(&self.steepness), "--steepness is 0.1 to 4");
-        ensure!(is_generated || is_usual, "--steepness is for alps and piles: use --scale-z");
+        ensure!(is_generated || is_usual, "--steepness is for generated worlds: use --scale-z");
         ensure!((0.0..=20.0).contains(&self.marker_noise), "--marker-noise is 0 to 20");
         ensure!((0.0..=1.0).contains(&self.hazards.dust_ratio), "--dust is a share from 0 to 1");
         Ok(())
@@ -309,9 +323,13 @@ impl ScenarioArgs {
         let world = match self.world.as_str() {
             "alps" => named(World::steep_alps(seed, self.steepness)),
             "piles" => named(World::steep_piles(seed, self.steepness)),
+            "columns" => named(World::columns(seed, self.steepness)),
+            "l-hall" => named(World::l_hall(seed, self.steepness)),
+            "poor-fix" => named(World::poor_fix(seed, self.steepness)),
             path => {
-                let text = std::fs::read_to_string(path)
-                    .with_context(|| format!("world {path:?} is not alps, piles or a file"))?;
+                let text = std::fs::read_to_string(path).with_context(|| {
+                    format!("world {path:?} is none of {GENERATED:?} and no file")
+                })?;
                 let name = Path::new(path).file_stem().map_or(path.into(), |s| s.to_string_lossy());
                 let scale = GridScale { xy: self.scale_xy, z: self.scale_z };
                 World::from_esri_ascii(&name, &text, scale)

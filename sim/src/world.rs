@@ -1,8 +1,9 @@
 //! The true hall: material, walls, markers and pad.
 //!
-//! Everything solid is one of four things: the hall's box (floor, walls, ceiling; it may have
+//! Everything solid is one of five things: the hall's box (floor, walls, ceiling; it may have
 //! openings), the material ([`HeightField`], standing on the floor), the walls of the bays
-//! ([`Cuboid`]s), and guests such as a machine that drives through ([`Cuboid`]s too).
+//! ([`Cuboid`]s), obstacles such as columns, and guests such as a machine that drives through
+//! ([`Cuboid`]s too).
 //! Rays, volumes and collisions are answered from these same solids, so a volume is the volume of
 //! the very surface that the LiDAR sees.
 //!
@@ -17,11 +18,14 @@
 
 mod alps;
 mod bay;
+mod columns;
 mod error;
 mod esri;
 mod fractal;
 mod height_field;
+mod l_hall;
 mod piles;
+mod poor_fix;
 mod solids;
 mod tags;
 
@@ -66,6 +70,11 @@ pub struct World {
     pub walls_inside: Vec<Cuboid>,
     /// The smallest box around `walls_inside`.
     pub(crate) walls_bounds: Option<Cuboid>,
+    /// What stands or hangs in the way of a flight, and is in every plan of the hall: columns,
+    /// bridges. What stands on the floor takes the place of material, as walls do.
+    pub obstacles: Vec<Cuboid>,
+    /// Corners (x, y) of the inner faces of the walls, counter-clockwise, m.
+    pub outline_m: Vec<[f64; 2]>,
     /// What stands or drives in the hall now and is neither hall nor material, on the floor.
     pub guests: Vec<Cuboid>,
     /// Holes in the shell of the hall: flat boxes in its faces, through which beams leave.
@@ -116,6 +125,47 @@ impl World {
         Ok(Self { bays: piles::bays(), ..world })
     }
 
+    /// Heaps and bays as in [`Self::steep_piles`] among columns that bear the roof.
+    ///
+    /// # Errors
+    /// [`WorldError::BadField`] for a steepness that is not above zero.
+    pub fn columns(seed: u64, steepness: f64) -> Result<Self, WorldError> {
+        let world = Self::steep_piles(seed, steepness)?;
+        let obstacles = columns::columns(SeedBook::new(seed), world.hall.max_m.z);
+        Ok(Self { name: "columns".to_owned(), obstacles, ..world })
+    }
+
+    /// The landscape of [`Self::steep_alps`] in a hall with the shape of an L.
+    ///
+    /// # Errors
+    /// [`WorldError::BadField`] for a steepness that is not above zero.
+    pub fn l_hall(seed: u64, steepness: f64) -> Result<Self, WorldError> {
+        let seeds = SeedBook::new(seed);
+        let terrain = alps::terrain(seeds, steepness)?;
+        let hall = Cuboid::over(&terrain.region().grown(AISLE_M), 0.0, CEILING_M);
+        let block = l_hall::block(seeds, &hall);
+        let mut world = Self::assemble("l-hall", terrain, vec![block], seeds);
+        tags::hang_around(&mut world.tags, &hall, &block, &mut seeds.stream("world.tags.block"));
+        world.outline_m = l_hall::outline(&hall, &block);
+        // The landscape reaches the block; markers below it would be buried.
+        let World { tags, terrain, .. } = &mut world;
+        tags.retain(|tag| {
+            let before = tag.centre().coords + 0.1 * tag.normal.coords;
+            before.z - 0.5 * tag.edge_m > terrain.height_at(before.x, before.y)
+        });
+        Ok(world)
+    }
+
+    /// The landscape of [`Self::steep_alps`] in a hall where a part of the markers is gone.
+    ///
+    /// # Errors
+    /// [`WorldError::BadField`] for a steepness that is not above zero.
+    pub fn poor_fix(seed: u64, steepness: f64) -> Result<Self, WorldError> {
+        let world = Self::steep_alps(seed, steepness)?;
+        let tags = poor_fix::left_over(SeedBook::new(seed), &world.hall, world.tags);
+        Ok(Self { name: "poor-fix".to_owned(), tags, ..world })
+    }
+
     /// The landscape of an ESRI ASCII grid, scaled, with its lowest point on the floor.
     ///
     /// The region reaches from the first to the last cell centre and starts at (0, 0); the file's
@@ -141,6 +191,7 @@ impl World {
         let pad = pad_beside(&region);
         let tags = tags::placed(&hall, &pad, &mut seeds.stream("world.tags"));
         let walls_bounds = Cuboid::around(&walls_inside);
+        let outline_m = Bay::rectangle("walls", &hall.footprint()).outline_m;
         Self {
             name: name.to_owned(),
             terrain,
@@ -148,6 +199,8 @@ impl World {
             hall,
             walls_inside,
             walls_bounds,
+            obstacles: Vec::new(),
+            outline_m,
             guests: Vec::new(),
             openings: Vec::new(),
             bays: Vec::new(),
@@ -156,16 +209,23 @@ impl World {
         }
     }
 
-    /// Height of the highest solid over the floor at (x, y): material or inside wall, m.
+    /// Height of the highest solid on the floor at (x, y): material, inside wall or obstacle, m.
     #[must_use]
     pub fn height_at(&self, x_m: f64, y_m: f64) -> f64 {
         self.terrain.height_at(x_m, y_m).max(self.base_height(x_m, y_m))
     }
 
-    /// Height of what lies below the material at (x, y): the top of an inside wall, else 0, m.
+    /// Walls inside the hall and the obstacles on its floor.
+    fn standing(&self) -> impl Iterator<Item = &Cuboid> {
+        let on_floor = |obstacle: &&Cuboid| obstacle.min_m.z <= 0.0;
+        self.walls_inside.iter().chain(self.obstacles.iter().filter(on_floor))
+    }
+
+    /// Height of what lies below the material at (x, y): the top of what stands on the floor there,
+    /// else 0, m.
     #[must_use]
     pub fn base_height(&self, x_m: f64, y_m: f64) -> f64 {
-        let standing = self.walls_inside.iter().filter(|wall| wall.covers(x_m, y_m));
+        let standing = self.standing().filter(|wall| wall.covers(x_m, y_m));
         standing.map(|wall| wall.max_m.z).fold(0.0, f64::max)
     }
 
@@ -189,7 +249,7 @@ impl World {
             let below_top = over.overlap(&wall.footprint());
             below_top.map_or(0.0, |area| self.terrain.integral_below_m3(&area, wall.max_m.z))
         };
-        self.terrain.integral_m3(over) - self.walls_inside.iter().map(displaced).sum::<f64>()
+        self.terrain.integral_m3(over) - self.standing().map(displaced).sum::<f64>()
     }
 
     /// Volume of the material in a bay, m³, in the sense of [`Self::true_volume_m3`].
@@ -199,8 +259,7 @@ impl World {
         let displaced = |wall: &Cuboid| {
             self.terrain.integral_below_within_m3(outline_m, &wall.footprint(), wall.max_m.z)
         };
-        self.terrain.integral_within_m3(outline_m)
-            - self.walls_inside.iter().map(displaced).sum::<f64>()
+        self.terrain.integral_within_m3(outline_m) - self.standing().map(displaced).sum::<f64>()
     }
 
     /// The hall with a gate in its low-y wall and a skylight, both at drawn places; markers that
@@ -237,7 +296,7 @@ impl World {
     /// Material counts by the nodes of its grid, so the answer is good to half a grid pitch.
     #[must_use]
     pub fn clearance_m(&self, p: &Point<Hall>, reach_m: f64) -> f64 {
-        let solids = self.walls_inside.iter().chain(&self.guests);
+        let solids = self.walls_inside.iter().chain(&self.obstacles).chain(&self.guests);
         let walls = solids.map(|wall| wall.distance_m(&p.coords));
         let nearest_wall = walls.fold(reach_m, f64::min);
         let to_hall = self.hall.depth_m(&p.coords);

@@ -112,7 +112,7 @@ pub struct ExclusionSection {
 }
 
 impl Config {
-    /// Reads the grids that bases name into the configuration; `folder` is where relative paths
+    /// Reads the grids that bases and the meshes that obstacles name into the configuration; `folder` is where relative paths
     /// begin. What is there already stays.
     ///
     /// # Errors
@@ -127,7 +127,7 @@ impl Config {
             fill(height_grid, Some(height_file), folder)?;
             fill(sigma_grid, sigma_file.as_ref(), folder)?;
         }
-        Ok(())
+        self.read_meshes(folder)
     }
 
     /// The region with its bays and exclusions, checked against each other on cells of `cell_m`.
@@ -141,6 +141,7 @@ impl Config {
         for (index, section) in self.exclusions.iter().enumerate() {
             exclusions.push(footprint(&format!("exclusions[{index}]"), section)?);
         }
+        exclusions.extend(self.standing_footprints()?);
         let margin_key = "hall.exclusion_margin_m";
         let region = Region {
             bounds,
@@ -208,7 +209,7 @@ fn sigma(key: &str, value: f64) -> Result<f64, ConfigError> {
     within(key, value, (0.0, 10.0), "m")
 }
 
-fn place(key: &str, [x_m, y_m]: [f64; 2]) -> Result<Place, ConfigError> {
+pub(super) fn place(key: &str, [x_m, y_m]: [f64; 2]) -> Result<Place, ConfigError> {
     let coordinate = |value| within(key, value, (-10_000.0, 10_000.0), "m");
     Ok((coordinate(x_m)?, coordinate(y_m)?))
 }
@@ -217,7 +218,7 @@ fn height(key: &str, value: f64) -> Result<f64, ConfigError> {
     within(key, value, (-100.0, 100.0), "m")
 }
 
-fn polygon(key: &str, corners_m: &[[f64; 2]]) -> Result<Polygon, ConfigError> {
+pub(super) fn polygon(key: &str, corners_m: &[[f64; 2]]) -> Result<Polygon, ConfigError> {
     let corners = corners_m.iter().map(|corner| place(key, *corner));
     let corners: Vec<Place> = corners.collect::<Result<_, _>>()?;
     Polygon::new(&corners).map_err(|error| invalid(key, error.to_string()))

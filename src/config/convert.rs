@@ -18,6 +18,10 @@ use crate::units::rad_from_deg;
 use crate::{camera, lidar, link, mission, pilot};
 use std::time::Duration;
 
+/// Variance of the filter's pose over that of one fix: 20 frames a second, each believed for about
+/// half a second.
+const FIX_VAR_SHARE: f64 = 0.1;
+
 /// A number inside its range, or the error that names key, value and range.
 pub(super) fn within(
     key: &str,
@@ -196,6 +200,7 @@ impl Config {
                 (-100.0, hall.max_pile_height_m),
                 "m",
             )?,
+            obstacles: self.solids()?,
             below_base_m: 0.5,
             max_height_m: within(
                 "hall.max_pile_height_m",
@@ -344,18 +349,23 @@ impl Config {
         let widest_m = width_m.min(depth_m) / 2.0 - 0.1;
         let inset_m = within("planning.inset_m", p.inset_m, (-5.0, widest_m), "m")?;
         // Room for the vehicle between the highest pile and the flight.
-        let lowest_m = self.hall.max_pile_height_m.max(self.surface.prior_height_m) + 0.5;
+        let space = self.space_settings()?;
+        let over_piles_m = space.vehicle_radius_m + space.surface_clearance_m;
+        let highest_pile_m = self.hall.max_pile_height_m.max(self.surface.prior_height_m);
+        let lowest_m = highest_pile_m + over_piles_m;
         let metres = |key, value, range| within(key, value, range, "m");
         let sites =
             (width_m / p.candidate_spacing_m + 1.0) * (depth_m / p.candidate_spacing_m + 1.0);
         within("candidate waypoints in the region", sites, (1.0, 20_000.0), "")?;
         self.check_square_wave_heading()?;
+        self.check_space(&space)?;
         #[expect(clippy::cast_precision_loss, reason = "only its size is judged")]
         within("planning.n_steps", p.n_steps as f64, (1.0, 10_000.0), "")?;
         Ok(planning::Settings {
             planner: match p.planner {
                 PlannerName::SquareWave => PlannerKind::SquareWave,
                 PlannerName::Greedy => PlannerKind::Greedy,
+                PlannerName::Horizon => PlannerKind::Horizon,
             },
             n_steps: p.n_steps,
             height_m: metres("planning.height_m", p.height_m, (lowest_m, 100.0))?,
@@ -366,7 +376,15 @@ impl Config {
                 x_max_m: region.x_max_m - inset_m,
                 y_max_m: region.y_max_m - inset_m,
             },
-            leg_spacing_m: metres("planning.leg_spacing_m", p.leg_spacing_m, (0.2, 100.0))?,
+            target_ratio: p
+                .target_percent
+                .map(|percent| within("planning.target_percent", percent, (0.01, 100.0), "%"))
+                .transpose()?
+                .map(|percent| percent / 100.0),
+            leg_spacing_m: p
+                .leg_spacing_m
+                .map(|spacing_m| metres("planning.leg_spacing_m", spacing_m, (0.2, 100.0)))
+                .transpose()?,
             step_radius_m: metres("planning.step_radius_m", p.step_radius_m, (0.2, 100.0))?,
             candidate_spacing_m: metres(
                 "planning.candidate_spacing_m",
@@ -386,7 +404,12 @@ impl Config {
                 (0.0, 1e6),
                 "1/√(m² + rad²)",
             )?,
+            slope_sigma: self.surface.slope_sigma,
+            sees_shadows: p.shadows.unwrap_or(p.planner == PlannerName::Horizon),
+            fix_var_share: FIX_VAR_SHARE,
+            seed: p.seed,
             limits: trajectory_limits(p)?,
+            space,
         })
     }
 
@@ -394,7 +417,8 @@ impl Config {
     fn check_square_wave_heading(&self) -> Result<(), ConfigError> {
         let p = &self.planning;
         let is_along_x = rad_from_deg(p.yaw_deg).cos().abs() > 0.95;
-        if p.planner == PlannerName::SquareWave && !is_along_x {
+        let is_fixed = p.planner == PlannerName::SquareWave && p.leg_spacing_m.is_some();
+        if is_fixed && !is_along_x {
             let message = "the square wave's legs run along x: head along x (0 or 180 deg)";
             return Err(invalid("planning.yaw_deg", message));
         }

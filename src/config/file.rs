@@ -3,6 +3,7 @@
 use super::bays::{BaseSection, BaySection, ExclusionSection, default_base_sigma_m};
 use super::cameras::CameraSection;
 use super::markers::{MarkersSection, PointSection, TagSection};
+use super::obstacles::{FenceSection, ObstacleSection, SpaceSection};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -53,6 +54,12 @@ pub struct Config {
     /// What stands in the region, beside the rectangles of the hall.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub exclusions: Vec<ExclusionSection>,
+    /// What the vehicle must not touch.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub obstacles: Vec<ObstacleSection>,
+    /// Where the vehicle may be at most.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fence: Option<FenceSection>,
 }
 
 fn default_detections() -> String {
@@ -90,6 +97,13 @@ pub struct HallSection {
     pub base: Option<BaseSection>,
     /// No pile is higher than this, m.
     pub max_pile_height_m: f64,
+    /// Inner faces of the walls as corners x and y, in either direction, m; the vehicle keeps away
+    /// from them and sees no tag through them. Without them only the waypoints' bounds hold.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub walls_m: Option<Vec<[f64; 2]>>,
+    /// Lower face of the ceiling over the hall's zero, m.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ceiling_m: Option<f64>,
     /// Footprints of walls and machines, not measured.
     #[serde(default)]
     pub exclusions: Vec<RectSection>,
@@ -400,6 +414,8 @@ pub enum PlannerName {
     SquareWave,
     /// The paper's one-step planner.
     Greedy,
+    /// Whole paths, scored by the σ^V that they leave.
+    Horizon,
 }
 
 /// Waypoints and trajectory.
@@ -416,8 +432,10 @@ pub struct PlanningSection {
     pub yaw_deg: f64,
     /// Waypoints keep this distance inside the region's border, m; negative flies beyond it.
     pub inset_m: f64,
-    /// Distance of neighbouring legs of the square wave, m.
-    pub leg_spacing_m: f64,
+    /// The survey ends once σ^V is this share of V, %; left out, it flies all its waypoints.
+    pub target_percent: Option<f64>,
+    /// Distance of neighbouring legs of the square wave, m; left out, the best is looked for.
+    pub leg_spacing_m: Option<f64>,
     /// How far the greedy planner looks, R, m.
     pub step_radius_m: f64,
     /// Distance of neighbouring candidate waypoints, m.
@@ -426,6 +444,11 @@ pub struct PlanningSection {
     pub swath_half_angle_deg: f64,
     /// Waypoints need a quality of fix above τ, 1/√(m² + rad²).
     pub min_fix_quality: f64,
+    /// Predictions know that high ground hides what is behind it; otherwise they see a flat surface.
+    /// Left out, `horizon` does and the others, to the paper's letter, do not.
+    pub shadows: Option<bool>,
+    /// Seed of the search for paths.
+    pub seed: u64,
     /// Largest speed, m/s.
     pub max_speed_mps: f64,
     /// Largest acceleration, m/s².
@@ -438,27 +461,33 @@ pub struct PlanningSection {
     pub max_yaw_rate_degps: f64,
     /// Largest acceleration of the heading, deg/s².
     pub max_yaw_accel_degps2: f64,
+    /// The grid of the free space and the room around the vehicle.
+    pub space: SpaceSection,
 }
 
 impl Default for PlanningSection {
     fn default() -> Self {
         Self {
-            planner: PlannerName::Greedy,
+            planner: PlannerName::Horizon,
             n_steps: 50,
             height_m: 7.0,
             yaw_deg: 0.0,
             inset_m: 0.0,
-            leg_spacing_m: 5.0,
+            target_percent: None,
+            leg_spacing_m: None,
             step_radius_m: 2.0,
             candidate_spacing_m: 1.0,
             swath_half_angle_deg: 50.0,
             min_fix_quality: 8.0,
+            shadows: None,
+            seed: 0,
             max_speed_mps: 2.0,
             max_accel_mps2: 2.0,
             max_jerk_mps3: 12.0,
             max_snap_mps4: 150.0,
             max_yaw_rate_degps: 45.0,
             max_yaw_accel_degps2: 90.0,
+            space: SpaceSection::default(),
         }
     }
 }

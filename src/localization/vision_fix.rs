@@ -209,14 +209,30 @@ pub fn predicted_cov(
     hall_from_body: &Transform<Hall, Body>,
     corner_sigma_px: f64,
 ) -> Option<Matrix6<f64>> {
+    let JtJ = corner_normal_matrix(camera, places, hall_from_body);
+    cov_of_normal_matrix(&JtJ, corner_sigma_px)
+}
+
+/// JᵀJ over the places that a camera pictures from a pose, 6×6: what corners add up to.
+#[must_use]
+pub fn corner_normal_matrix(
+    camera: &CameraModel,
+    places: &[Point<Hall>],
+    hall_from_body: &Transform<Hall, Body>,
+) -> Matrix6<f64> {
     let reprojector = Reprojector::new(camera, hall_from_body);
-    let JtJ = places
+    places
         .iter()
         .filter_map(|place| reprojector.reproject(place))
         .filter(|(pixel, _)| camera.contains(pixel, 0.0))
         .map(|(_, J)| J.transpose() * J)
-        .sum::<Matrix6<f64>>();
-    inverse_if_well_posed(&JtJ).map(|inverse| inverse * corner_sigma_px.powi(2))
+        .sum::<Matrix6<f64>>()
+}
+
+/// σ² (JᵀJ)⁻¹; `None` where a direction of the pose is free.
+#[must_use]
+pub fn cov_of_normal_matrix(JtJ: &Matrix6<f64>, corner_sigma_px: f64) -> Option<Matrix6<f64>> {
+    inverse_if_well_posed(JtJ).map(|inverse| inverse * corner_sigma_px.powi(2))
 }
 
 /// The paper's quality of a fix, 1/√tr(Σ^χ); m² and rad² are added.

@@ -14,14 +14,14 @@ use super::bay::BayOnGrid;
 use super::budget::{CalibrationSigmas, data_budgets};
 use super::datum::{Linearization, Turn};
 use super::disturbance::{Flagged, Levels, Undisturbed};
-use super::footprint::Footprint;
+use super::footprint::{Footprint, Patch};
 use super::grid_map::Bays;
 use super::mapper::SolvedSurface;
 use super::matern_field::{self, FieldError, Information, Lattice, Prior, Solution, Solver};
 use super::projection::LidarMount;
 use super::roughness::Residuals;
 use super::shares::SeenCells;
-use crate::messages::{BudgetRow, BudgetSource, HeightMap};
+use crate::messages::{BudgetRow, BudgetSource, GridGeometry, HeightMap};
 use crate::time::{Mono, Stamp};
 use std::sync::Arc;
 
@@ -326,6 +326,36 @@ impl SolveField {
 }
 
 impl SolveField {
+    /// Cells, their heights, and which rest on data.
+    pub(super) fn known_heights(&self) -> Option<(GridGeometry, Vec<f64>, Vec<bool>)> {
+        let newest = self.newest.as_ref()?;
+        let lattice = &self.setup.lattice;
+        let grid = *lattice.grid();
+        let is_known = |cell| newest.is_known[lattice.node_of_cell(cell)];
+        let known = (0..grid.n_cells()).map(is_known).collect();
+        Some((grid, lattice.on_cells(&newest.heights_m), known))
+    }
+
+    /// Shows every patch that the newest surface believes, of the turns up to an instant, with its
+    /// information, 1/m².
+    pub(super) fn for_each_patch(
+        &self,
+        until: Option<Stamp<Mono>>,
+        mut visit: impl FnMut(&Footprint, &Patch, f64),
+    ) {
+        let n_patches = self.setup.n_patches(&self.footprints);
+        let at = self.setup.linearization(&n_patches, self.newest.as_deref());
+        let is_past = |f: &&Arc<Footprint>| until.is_none_or(|until| f.error.at <= until);
+        for footprint in self.footprints.iter().filter(is_past) {
+            let Some(turn) = Turn::new(footprint, at) else { continue };
+            for patch in &footprint.patches {
+                if let Some(datum) = turn.datum(patch).filter(|datum| at.believes(datum)) {
+                    visit(footprint, patch, datum.weight_per_m2);
+                }
+            }
+        }
+    }
+
     /// Variance of the height at every node, m²: exact after landing and on maps that are solved by a
     /// factor; in flight over larger ones, where the exact one takes gigabytes, and where the factor
     /// does not fit into memory, what a node's own data leave of the prior. The volumes do not
@@ -342,7 +372,9 @@ impl SolveField {
 }
 
 impl Settings {
-    const fn prior(&self) -> Prior {
+    /// The field before any beam.
+    #[must_use]
+    pub const fn prior(&self) -> Prior {
         Prior {
             range_m: self.range_m,
             sigma_m: self.sigma_m,

@@ -188,6 +188,23 @@ pub struct SolveGrid {
 }
 
 impl SolveGrid {
+    /// Variance of each cell, m².
+    pub(super) fn cell_var_m2(&self) -> &[f64] {
+        &self.cell_var_m2
+    }
+
+    /// Cells, their heights, and which were hit.
+    pub(super) fn known_heights(&self) -> (GridGeometry, Vec<f64>, Vec<bool>) {
+        let is_known =
+            self.cell_var_m2.iter().map(|var| *var < 0.25 * self.gp.sigma_m.powi(2)).collect();
+        (self.geometry, self.cell_mean_m.clone(), is_known)
+    }
+
+    /// σ of a cell before any hit, m.
+    pub(super) const fn prior_sigma_m(&self) -> f64 {
+        self.gp.sigma_m
+    }
+
     /// Solves.
     ///
     /// # Errors

@@ -2,6 +2,7 @@
 
 use super::base::BaseSurface;
 use super::bay::WHOLE_REGION;
+use super::belief::CoarseField;
 use super::field_map::{self, FieldMap, NewestField, Setup, SolveField};
 use super::footprint::{Footprint, LineHit, gather};
 use super::grid_map::{self, Bays, GridMap, SolveGrid};
@@ -9,6 +10,7 @@ use super::kalman_grid::KalmanGrid;
 use super::matern_field::{FieldError, Lattice};
 use super::projection::{Hit, LidarMount, project};
 use super::region::Region;
+use super::solid::{self, Solid};
 use super::sparse_gp::GpError;
 use super::volume::Base;
 use crate::geometry::{Body, Hall, Transform};
@@ -16,7 +18,7 @@ use crate::messages::{
     Beam, DisturbedArea, GridGeometry, HeightMap, HitCounts, PoseError, Scan, VolumeAccount,
 };
 use crate::time::{Mono, Stamp};
-use nalgebra::Matrix6;
+use nalgebra::{Matrix6, Vector3};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -41,6 +43,9 @@ pub struct Settings {
     pub cell_m: f64,
     /// Height of the floor under the material where no bay says otherwise, m.
     pub base_height_m: f64,
+    /// What stands or hangs in the hall: hits within the region's `exclusion_margin_m` of it are
+    /// no material.
+    pub obstacles: Vec<Solid>,
     /// Hits below the base by more than this, or above `max_height_m`, are not surface, m.
     pub below_base_m: f64,
     /// No pile is higher than this, m over the hall floor.
@@ -262,10 +267,18 @@ impl Mapper {
         let hit = project(mount, beam, &hall_from_body, &pose_cov);
         let p = hit.place.coords;
         let is_surface = (self.lowest_m..=self.settings.max_height_m).contains(&p.z);
-        if !is_surface || !self.settings.region.accepts(p.x, p.y) {
+        if !is_surface || !self.settings.region.accepts(p.x, p.y) || self.is_obstacle(&p) {
             return Err(Fate::Outside);
         }
         Ok((hit, hall_from_body))
+    }
+
+    /// True if a hit belongs to something that stands or hangs in the hall.
+    fn is_obstacle(&self, place: &Vector3<f64>) -> bool {
+        let margin_m = self.settings.region.exclusion_margin_m;
+        let obstacles = &self.settings.obstacles;
+        // A hair more than the margin, so that one exactly there counts.
+        solid::distance_m(obstacles, place, margin_m + 1e-9) <= margin_m
     }
 
     /// Where the beams went so far.
@@ -292,6 +305,17 @@ impl Mapper {
     #[must_use]
     pub fn base(&self) -> &Base {
         &self.bays[0].base
+    }
+
+    /// The coarse lattice on which planners weigh flights.
+    ///
+    /// # Errors
+    /// [`FieldError`] for a prior that is none.
+    pub fn coarse_field(&self) -> Result<CoarseField, FieldError> {
+        let settings = &self.settings;
+        let areas_m2 = &self.base().cell_areas_m2;
+        let fine = *self.grid().geometry();
+        CoarseField::new(&settings.region, fine, areas_m2, settings.field.prior())
     }
 
     /// Everything a solve of the surface needs, as it is now.
@@ -378,7 +402,32 @@ pub struct SolvedSurface {
     pub newest: Option<Arc<NewestField>>,
 }
 
+/// The heights of the cells as the newest surface has them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct KnownHeights {
+    /// Where the cells are.
+    pub grid: GridGeometry,
+    /// Height of each cell, m; what is expected where nothing was seen.
+    pub height_m: Vec<f64>,
+    /// Cells that rest on data.
+    pub is_known: Vec<bool>,
+    /// Height of the highest cell that is known, m.
+    pub highest_m: f64,
+}
+
 impl SolveSurface {
+    /// The newest heights; `None` before there are any.
+    #[must_use]
+    pub fn known_heights(&self) -> Option<KnownHeights> {
+        let (grid, height_m, is_known) = match self {
+            Self::KalmanGrid(work) => work.known_heights(),
+            Self::MaternField(work) => work.known_heights()?,
+        };
+        let known_m = std::iter::zip(&height_m, &is_known).filter(|(_, is_known)| **is_known);
+        let highest_m = known_m.map(|(h, _)| *h).fold(f64::NEG_INFINITY, f64::max);
+        Some(KnownHeights { grid, height_m, is_known, highest_m })
+    }
+
     /// Solves.
     ///
     /// # Errors
@@ -409,6 +458,7 @@ mod tests {
             },
             cell_m: 0.25,
             base_height_m: 0.0,
+            obstacles: Vec::new(),
             below_base_m: 0.5,
             max_height_m: 4.0,
             lidar: LidarMount {

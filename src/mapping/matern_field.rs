@@ -11,6 +11,7 @@
 #![doc = include_str!("matern_field/derivation.md")]
 
 mod estimate;
+mod functional;
 mod information;
 mod iterative;
 mod lattice;
@@ -23,6 +24,7 @@ mod stencil;
 mod tests;
 
 pub use estimate::{Datum, PriorEstimate, estimate_prior};
+pub use functional::{Functional, FunctionalVar};
 pub use information::Information;
 pub use lattice::{Lattice, Row};
 pub use prior::Prior;

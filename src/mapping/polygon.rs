@@ -125,6 +125,34 @@ impl Polygon {
                 || self.edges().any(|(a, b)| distance_m((x_m, y_m), a, b) <= margin_m))
     }
 
+    /// Distance of (x, y) from the polygon, m; 0 inside.
+    #[must_use]
+    pub fn distance_m(&self, x_m: f64, y_m: f64) -> f64 {
+        if self.contains(x_m, y_m) { 0.0 } else { self.border_distance_m(x_m, y_m) }
+    }
+
+    /// Distance of (x, y) from the border, m, from either side.
+    #[must_use]
+    pub fn border_distance_m(&self, x_m: f64, y_m: f64) -> f64 {
+        self.edges().map(|(a, b)| distance_m((x_m, y_m), a, b)).fold(f64::INFINITY, f64::min)
+    }
+
+    /// Distance of the straight line between two points from the border, m; 0 if it crosses it.
+    #[must_use]
+    pub fn border_distance_of_line_m(&self, a: Place, b: Place) -> f64 {
+        if a == b {
+            return self.border_distance_m(a.0, a.1);
+        }
+        let to_edge = |(c, d): (Place, Place)| {
+            if touches(a, b, c, d) {
+                return 0.0;
+            }
+            let from_ends = distance_m(a, c, d).min(distance_m(b, c, d));
+            from_ends.min(distance_m(c, a, b)).min(distance_m(d, a, b))
+        };
+        self.edges().map(to_edge).fold(f64::INFINITY, f64::min)
+    }
+
     /// True if the straight line between two points touches the polygon.
     #[must_use]
     pub fn cuts(&self, a: Place, b: Place) -> bool {

@@ -14,10 +14,12 @@ pub(super) struct FlightPath {
     track: Track,
     /// Waypoints of the present trajectory that were reported as reached.
     n_reported: usize,
-    /// Where to go off the survey.
-    destination: Option<Waypoint>,
+    /// The way off the survey; empty on it.
+    destination: Vec<Waypoint>,
     /// No way is sought before this instant: the last search found none.
     retry_at: Stamp<Mono>,
+    /// The waypoints ahead are others than those being flown.
+    is_stale: bool,
 }
 
 /// What the present trajectory leads to.
@@ -46,8 +48,9 @@ impl FlightPath {
             trajectory: None,
             track: Track::Stop,
             n_reported: 0,
-            destination: None,
+            destination: Vec::new(),
             retry_at: Stamp::ZERO,
+            is_stale: false,
         }
     }
 
@@ -67,7 +70,7 @@ impl FlightPath {
         let Some(present) = &self.trajectory else { return };
         let n_wanted = ahead.len().min(LEAST_AHEAD);
         let n_seen = present.n_waypoints().saturating_sub(self.n_reported);
-        let is_seen = self.track == Track::Survey && n_seen >= n_wanted;
+        let is_seen = self.track == Track::Survey && n_seen >= n_wanted && !self.is_stale;
         if n_wanted == 0 || is_seen || now < self.retry_at {
             return;
         }
@@ -78,6 +81,12 @@ impl FlightPath {
         if let Some(trajectory) = replanned.or_else(|| self.straight(&waypoints, now)) {
             self.begin(Track::Survey, trajectory);
         }
+    }
+
+    /// The waypoints ahead have changed: the next [`Self::survey`] flies the new ones.
+    pub(super) const fn forget_waypoints(&mut self) {
+        self.is_stale = true;
+        self.retry_at = Stamp::ZERO;
     }
 
     /// True on the way along the survey.
@@ -107,7 +116,7 @@ impl FlightPath {
         self.n_reported = n_reached;
         if is_over {
             if self.track == Track::Transit {
-                self.destination = None;
+                self.destination.clear();
             }
             self.track = Track::Stop;
             self.depart(now);
@@ -115,9 +124,9 @@ impl FlightPath {
         n_new
     }
 
-    /// Flies straight to a place off the survey and stops there; stops first where it must.
-    pub(super) fn go_to(&mut self, place: Waypoint, now: Stamp<Mono>) {
-        self.destination = Some(place);
+    /// Flies along a way off the survey and stops at its end; stops first where it must.
+    pub(super) fn go_to(&mut self, way: Vec<Waypoint>, now: Stamp<Mono>) {
+        self.destination = way;
         if !self.depart(now) {
             self.slow_down(now);
         }
@@ -125,10 +134,11 @@ impl FlightPath {
 
     /// Begins the way to the destination, if there is one; false if it cannot begin yet.
     fn depart(&mut self, now: Stamp<Mono>) -> bool {
-        let Some((place, present)) = self.destination.zip(self.trajectory.as_ref()) else {
+        let Some(present) = self.trajectory.as_ref().filter(|_| !self.destination.is_empty())
+        else {
             return false;
         };
-        let Ok(trajectory) = present.replanned(now, &[place], &self.limits, None) else {
+        let Ok(trajectory) = present.replanned(now, &self.destination, &self.limits, None) else {
             return false;
         };
         self.begin(Track::Transit, trajectory);
@@ -139,11 +149,12 @@ impl FlightPath {
         self.trajectory = Some(trajectory);
         self.track = track;
         self.n_reported = 0;
+        self.is_stale = false;
         self.retry_at = Stamp::ZERO;
     }
 
     fn forget_destination(&mut self) {
-        self.destination = None;
+        self.destination.clear();
         if self.track == Track::Transit {
             self.track = Track::Stop;
         }
@@ -177,7 +188,7 @@ impl FlightPath {
 
     /// Where the trajectory ends, once everything on the way there is flown.
     pub(super) fn reached_end(&self, now: Stamp<Mono>) -> Option<Knot> {
-        let is_there = self.track == Track::Stop && self.destination.is_none();
+        let is_there = self.track == Track::Stop && self.destination.is_empty();
         let trajectory = self.trajectory.as_ref().filter(|t| is_there && t.is_over(now))?;
         Some(*trajectory.end())
     }

@@ -1,8 +1,7 @@
 //! Long work that runs beside the brain and returns at a recorded place in the event order.
 
 use crate::mapping::{SolveError, SolveSurface, SolvedSurface};
-use crate::planning::Waypoint;
-use crate::planning::greedy::ChooseWaypoint;
+use crate::planning::planner::{Plan, PlanRequest};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// Long work: a pure function of what it holds.
@@ -10,8 +9,8 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 pub enum Job {
     /// Turn the cells into a surface and a volume.
     SolveSurface(SolveSurface),
-    /// Choose the next waypoint.
-    ChooseWaypoint(Box<ChooseWaypoint>),
+    /// Choose waypoints.
+    Plan(Box<PlanRequest>),
 }
 
 /// What a [`Job`] found.
@@ -19,8 +18,8 @@ pub enum Job {
 pub enum JobOutput {
     /// The surface and its volume.
     SurfaceSolved(Result<SolvedSurface, SolveError>),
-    /// The next waypoint; `None` if nothing feasible is in reach.
-    WaypointChosen(Option<Waypoint>),
+    /// Waypoints.
+    Planned(Plan),
     /// The work broke off in a defect of the program.
     Died,
 }
@@ -37,7 +36,7 @@ impl Job {
     fn work(&self) -> JobOutput {
         match self {
             Self::SolveSurface(work) => JobOutput::SurfaceSolved(work.run()),
-            Self::ChooseWaypoint(work) => JobOutput::WaypointChosen(work.run()),
+            Self::Plan(work) => JobOutput::Planned(work.run()),
         }
     }
 }

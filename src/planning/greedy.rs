@@ -9,30 +9,38 @@
 //! Source: Balula et al. 2023, section 5. Printed as arg max; minimising is meant. One step only:
 //! where no single step sees new ground it wanders.
 
-use super::free_space::{FreeSpace, Site};
-use super::{Settings, Waypoint};
+use super::Waypoint;
+use super::free_space::Site;
+use super::planner::{Belief, Plan, PlanEnd, PlanRequest, Planner};
 use crate::geometry::{Direction, Point};
 use crate::mapping::kalman_grid::KalmanGrid;
-use crate::mapping::projection::{LidarMount, project};
+use crate::mapping::projection::project;
 use crate::messages::Beam;
 use nalgebra::Matrix6;
-use std::sync::Arc;
 
-/// The work of choosing one waypoint; a pure function of its fields.
-#[derive(Debug, Clone, PartialEq)]
-pub struct ChooseWaypoint {
-    /// What is known of the surface when the step begins.
-    pub belief: KalmanGrid,
-    /// Waypoints that are decided but not yet flown, from the vehicle's place on.
-    pub pending: Vec<Waypoint>,
-    /// Where a fix is good enough.
-    pub free_space: Arc<FreeSpace>,
-    /// The LiDAR.
-    pub lidar: LidarMount,
-    /// Area of each cell that counts, m².
-    pub cell_areas_m2: Arc<[f64]>,
-    /// What the planning knows.
-    pub settings: Settings,
+/// The paper's planner.
+#[derive(Debug, Clone, Copy)]
+pub struct Greedy;
+
+impl Planner for Greedy {
+    /// One waypoint, or none if nothing feasible is in reach.
+    fn plan(&self, request: &PlanRequest) -> Plan {
+        let chosen = match &request.belief {
+            Belief::Grid { cells, areas_m2 } => Choice { request, areas_m2 }.best(cells),
+            Belief::Field { .. } => None,
+        };
+        chosen.map_or(Plan::nothing(PlanEnd::NothingFree), |waypoint| Plan {
+            waypoints: vec![waypoint],
+            end: PlanEnd::Open,
+            prediction: None,
+        })
+    }
+}
+
+/// The choice of one waypoint.
+struct Choice<'a> {
+    request: &'a PlanRequest,
+    areas_m2: &'a [f64],
 }
 
 /// Scans are predicted this far apart along the way, m.
@@ -40,13 +48,12 @@ const SCAN_SPACING_M: f64 = 0.5;
 /// Beams of a predicted scan are this far apart, rad.
 const BEAM_SPACING_RAD: f64 = 0.06;
 
-impl ChooseWaypoint {
+impl Choice<'_> {
     /// The best next waypoint from the last pending one; `None` if nothing feasible is in reach.
-    #[must_use]
-    pub fn run(&self) -> Option<Waypoint> {
-        let from = *self.pending.last()?;
-        let mut belief = self.belief.clone();
-        for pair in self.pending.windows(2) {
+    fn best(&self, cells: &KalmanGrid) -> Option<Waypoint> {
+        let from = *self.request.pending.last()?;
+        let mut belief = cells.clone();
+        for pair in self.request.pending.windows(2) {
             self.observe_way(&mut belief, &pair[0], &pair[1]);
         }
         let candidates = self.candidates(&from);
@@ -65,24 +72,27 @@ impl ChooseWaypoint {
 
     /// Feasible places within R, the present one left out.
     fn candidates(&self, from: &Waypoint) -> Vec<&Site> {
-        let radius_m = self.settings.step_radius_m + 1e-9;
-        let nearest_m = 0.5 * self.settings.candidate_spacing_m;
+        let radius_m = self.request.settings.step_radius_m + 1e-9;
+        let nearest_m = 0.5 * self.request.settings.candidate_spacing_m;
         let is_in_reach =
             |site: &&Site| (nearest_m..=radius_m).contains(&site.waypoint.distance_m(from));
-        self.free_space.feasible().filter(is_in_reach).collect()
+        self.request.free_space.feasible().filter(is_in_reach).collect()
     }
 
     /// The nearest feasible place, if the present one is outside of all.
     fn entrance(&self, from: &Waypoint) -> Vec<&Site> {
         let distance_m = |site: &&Site| site.waypoint.distance_m(from);
-        let nearest =
-            self.free_space.feasible().min_by(|a, b| distance_m(a).total_cmp(&distance_m(b)));
+        let nearest = self
+            .request
+            .free_space
+            .feasible()
+            .min_by(|a, b| distance_m(a).total_cmp(&distance_m(b)));
         nearest.into_iter().filter(|site| distance_m(site) > 1e-3).collect()
     }
 
     /// Σ A² σ² over the cells, the printed variance of the volume.
     fn volume_var(&self, belief: &KalmanGrid) -> f64 {
-        std::iter::zip(self.cell_areas_m2.iter(), belief.var_m2())
+        std::iter::zip(self.areas_m2.iter(), belief.var_m2())
             .map(|(area, var)| area * area * var)
             .sum()
     }
@@ -90,7 +100,7 @@ impl ChooseWaypoint {
     /// Updates the belief by the scans from `a` (left out) to `b`; without a fix there, nothing is
     /// learned.
     fn observe_way(&self, belief: &mut KalmanGrid, a: &Waypoint, b: &Waypoint) {
-        let Some(fix_cov) = self.free_space.nearest(b).and_then(|site| site.fix_cov) else {
+        let Some(fix_cov) = self.request.free_space.nearest(b).and_then(|site| site.fix_cov) else {
             return;
         };
         let way_m = a.distance_m(b);
@@ -107,17 +117,18 @@ impl ChooseWaypoint {
     /// One predicted scan: the beams that meet the nominal surface inside the swath.
     fn observe_from(&self, belief: &mut KalmanGrid, from: &Waypoint, fix_cov: &Matrix6<f64>) {
         let pose = from.level_pose();
-        let sensor = pose * self.lidar.body_from_lidar;
-        let drop_m = sensor.origin.coords.z - self.settings.nominal_height_m;
-        let least_cos = self.settings.swath_half_angle_rad.cos();
+        let sensor = pose * self.request.lidar.body_from_lidar;
+        let drop_m = sensor.origin.coords.z - self.request.settings.nominal_height_m;
+        let least_cos = self.request.settings.swath_half_angle_rad.cos();
         let mut angle_rad = -std::f64::consts::PI;
         while angle_rad < std::f64::consts::PI {
             let along = sensor.rotation * Direction::new(angle_rad.cos(), angle_rad.sin(), 0.0);
             let down = -along.coords.z;
             let range_m = drop_m / down;
             let returns = down >= least_cos
-                && (self.lidar.min_range_m..=self.lidar.max_range_m).contains(&range_m)
-                && !self.lidar.is_blind(angle_rad);
+                && (self.request.lidar.min_range_m..=self.request.lidar.max_range_m)
+                    .contains(&range_m)
+                && !self.request.lidar.is_blind(angle_rad);
             if returns {
                 #[expect(clippy::cast_possible_truncation, reason = "beams are single precision")]
                 let beam = Beam {
@@ -126,7 +137,7 @@ impl ChooseWaypoint {
                     range_m: range_m as f32,
                     intensity: 0,
                 };
-                belief.insert(&project(&self.lidar, &beam, &pose, fix_cov), |_| true);
+                belief.insert(&project(&self.request.lidar, &beam, &pose, fix_cov), |_| true);
             }
             angle_rad += BEAM_SPACING_RAD;
         }

@@ -7,16 +7,45 @@
 //!     └──▶ x
 //! ```
 
+use super::horizon::best_square_wave;
+use super::planner::{Plan, PlanEnd, PlanRequest, Planner};
 use super::{Settings, Waypoint};
 use crate::geometry::Point;
+
+/// The baseline as a planner.
+#[derive(Debug, Clone, Copy)]
+pub struct SquareWave;
+
+impl Planner for SquareWave {
+    /// The whole square wave: of the configured spacing, or the one with the spacing, direction,
+    /// margins and corner that are predicted to serve best.
+    fn plan(&self, request: &PlanRequest) -> Plan {
+        let (wave, prediction) = match request.settings.leg_spacing_m {
+            Some(spacing_m) => (waypoints(&request.settings, spacing_m), None),
+            None => match best_square_wave(request) {
+                Some((corners, prediction)) => {
+                    (in_steps(&corners, request.n_waypoints), Some(prediction))
+                }
+                None => return Plan::nothing(PlanEnd::NothingFree),
+            },
+        };
+        let is_free = |waypoint: &Waypoint| request.free_space.is_free(waypoint);
+        let waypoints: Vec<Waypoint> = wave.into_iter().filter(is_free).collect();
+        Plan { waypoints, end: PlanEnd::Complete, prediction }
+    }
+}
 
 /// The waypoints of a square wave over the bounds, `n_steps` of them at nearly equal distance
 /// along the path, corners included.
 #[must_use]
-pub fn waypoints(settings: &Settings) -> Vec<Waypoint> {
-    let corners = corners(settings);
+pub fn waypoints(settings: &Settings, leg_spacing_m: f64) -> Vec<Waypoint> {
+    in_steps(&corners(settings, leg_spacing_m), settings.n_steps)
+}
+
+/// `n_steps` waypoints at nearly equal distance along a path, its corners included.
+fn in_steps(corners: &[Waypoint], n_steps: usize) -> Vec<Waypoint> {
     let edges: Vec<f64> = corners.windows(2).map(|pair| pair[0].distance_m(&pair[1])).collect();
-    let steps = share_steps(&edges, settings.n_steps.saturating_sub(1));
+    let steps = share_steps(&edges, n_steps.saturating_sub(1));
     let mut waypoints: Vec<Waypoint> = corners.first().copied().into_iter().collect();
     for (pair, n) in corners.windows(2).zip(steps) {
         for k in 1..=n {
@@ -29,10 +58,10 @@ pub fn waypoints(settings: &Settings) -> Vec<Waypoint> {
 }
 
 /// Ends of the legs, in the order of flight, from the corner nearest to the hall's origin.
-fn corners(settings: &Settings) -> Vec<Waypoint> {
+fn corners(settings: &Settings, leg_spacing_m: f64) -> Vec<Waypoint> {
     let b = settings.bounds;
     let (_, depth_m) = b.size_m();
-    let n_legs = (depth_m / settings.leg_spacing_m).ceil().max(1.0);
+    let n_legs = (depth_m / leg_spacing_m).ceil().max(1.0);
     let spacing_m = depth_m / n_legs;
     let leg_indices = std::iter::successors(Some(0.0), |k| (k + 1.0 < n_legs).then_some(k + 1.0));
     let mut corners = Vec::new();
@@ -78,28 +107,14 @@ fn share_steps(edges_m: &[f64], total: usize) -> Vec<u32> {
 mod tests {
     use super::*;
     use crate::mapping::region::Rect;
-    use crate::planning::{PlannerKind, trajectory::Limits};
 
     fn settings() -> Settings {
-        Settings {
-            planner: PlannerKind::SquareWave,
-            n_steps: 50,
-            height_m: 7.0,
-            yaw_rad: 0.0,
-            bounds: Rect { x_min_m: 0.0, y_min_m: 0.0, x_max_m: 20.0, y_max_m: 20.0 },
-            leg_spacing_m: 5.0,
-            step_radius_m: 2.0,
-            candidate_spacing_m: 1.0,
-            nominal_height_m: 1.5,
-            swath_half_angle_rad: 0.9,
-            min_fix_quality: 2.0,
-            limits: Limits::default(),
-        }
+        Settings::over(Rect { x_min_m: 0.0, y_min_m: 0.0, x_max_m: 20.0, y_max_m: 20.0 })
     }
 
     #[test]
     fn fifty_steps_cover_four_legs() {
-        let waypoints = waypoints(&settings());
+        let waypoints = waypoints(&settings(), 5.0);
         assert_eq!(waypoints.len(), 50);
         let ys: std::collections::BTreeSet<i64> = waypoints
             .iter()
@@ -122,6 +137,6 @@ mod tests {
     fn one_narrow_hall_needs_one_leg() {
         let mut narrow = settings();
         narrow.bounds.y_max_m = 3.0;
-        assert!(waypoints(&narrow).iter().all(|w| (w.place.coords.y - 1.5).abs() < 1e-12));
+        assert!(waypoints(&narrow, 5.0).iter().all(|w| (w.place.coords.y - 1.5).abs() < 1e-12));
     }
 }

@@ -14,7 +14,6 @@ use stockpilot::mapping::{self, field_map, grid_map, kalman_grid};
 use stockpilot::messages::{CameraId, TagDetection, TagDetections, TagFamily};
 use stockpilot::mission;
 use stockpilot::pilot::Settings;
-use stockpilot::planning::trajectory::Limits;
 use stockpilot::planning::{self, PlannerKind};
 use stockpilot::time::{Mono, Stamp};
 
@@ -121,6 +120,7 @@ pub(crate) fn settings() -> Settings {
             region,
             cell_m: 0.25,
             base_height_m: 0.0,
+            obstacles: Vec::new(),
             below_base_m: 0.5,
             max_height_m: 2.0,
             lidar: lidar_mount(),
@@ -133,14 +133,10 @@ pub(crate) fn settings() -> Settings {
             n_steps: 12,
             height_m: 2.5,
             yaw_rad: 0.0,
-            bounds,
-            leg_spacing_m: 2.0,
-            step_radius_m: 2.0,
-            candidate_spacing_m: 1.0,
+            leg_spacing_m: Some(2.0),
             nominal_height_m: 0.5,
             swath_half_angle_rad: 0.8,
-            min_fix_quality: 2.0,
-            limits: Limits::default(),
+            ..planning::Settings::over(bounds)
         },
         mission: mission::Settings::default(),
         solve_interval: Duration::from_secs(2),

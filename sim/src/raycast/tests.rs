@@ -31,7 +31,13 @@ fn random_ray(world: &World, noise: &mut Noise) -> (Point<Hall>, Direction<Hall>
 #[test]
 fn cast_meets_marching_in_steps_of_a_millimetre() {
     let mut noise = SeedBook::new(11).stream("rays");
-    for world in [World::alps(0).unwrap(), World::piles(0).unwrap(), World::piles(4).unwrap()] {
+    let halls = [
+        World::alps(0).unwrap(),
+        World::piles(4).unwrap(),
+        World::columns(0, 1.0).unwrap(),
+        World::l_hall(1, 1.0).unwrap(),
+    ];
+    for world in halls {
         for _ in 0..700 {
             let (origin, direction) = random_ray(&world, &mut noise);
             let marched = marched_m(&world, &origin, &direction);
@@ -68,7 +74,7 @@ fn steep_plane_is_hit_where_algebra_says() {
 fn beams_end_at_cliffs_walls_floor_and_ceiling() {
     let region = Region::new(0.0, 0.0, 10.0, 10.0);
     let terrain = HeightField::from_fn(&region, 0.1, |_, _| 1.0).unwrap();
-    let wall = crate::world::Cuboid::over(&Region::new(4.0, 2.0, 4.3, 6.0), 0.0, 2.0);
+    let wall = Cuboid::over(&Region::new(4.0, 2.0, 4.3, 6.0), 0.0, 2.0);
     let world = World::assemble("box", terrain, vec![wall], SeedBook::new(0));
     let ends = |origin: (f64, f64, f64), direction: (f64, f64, f64)| {
         let origin = Point::new(origin.0, origin.1, origin.2);
@@ -147,7 +153,7 @@ fn a_guest_hides_what_lies_behind_it() {
     let down = Direction::new(0.0, 0.0, -1.0);
     let free = cast(&world, &origin, &down, 20.0).unwrap();
     assert_eq!(free.surface, Surface::Material);
-    world.guests = vec![crate::world::Cuboid::over(&Region::new(9.0, 9.0, 11.0, 11.0), 0.0, 5.0)];
+    world.guests = vec![Cuboid::over(&Region::new(9.0, 9.0, 11.0, 11.0), 0.0, 5.0)];
     let hit = cast(&world, &origin, &down, 20.0).unwrap();
     assert_eq!(hit.surface, Surface::Guest);
     assert!((hit.distance_m - 3.0).abs() < 1e-12 && hit.distance_m < free.distance_m);

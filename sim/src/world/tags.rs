@@ -110,6 +110,37 @@ pub(super) fn placed(hall: &Cuboid, pad: &Pad, noise: &mut Noise) -> Vec<PlacedT
     tags
 }
 
+/// Takes away the markers inside of a block that fills a corner of the hall, high in x and y, and
+/// hangs others on its two faces towards the hall.
+pub(super) fn hang_around(
+    tags: &mut Vec<PlacedTag>,
+    hall: &Cuboid,
+    block: &Cuboid,
+    noise: &mut Noise,
+) {
+    // A marker that sticks out of the block by half is gone as well.
+    let edge_m = tags.first().map_or(EDGE_M, |tag| tag.edge_m);
+    tags.retain(|tag| block.distance_m(&tag.centre().coords) > 0.5 * edge_m + 1e-6);
+    let rest = Cuboid {
+        min_m: hall.min_m,
+        max_m: Vector3::new(block.min_m.x, block.min_m.y, hall.max_m.z),
+    };
+    // The faces of the hall that would end at the block, as far as the block reaches.
+    let [ahead, left, ..] = faces(&rest);
+    let ahead = WallFace {
+        origin_m: Vector3::new(block.min_m.x, hall.max_m.y, hall.min_m.z),
+        width_m: hall.max_m.y - block.min_m.y,
+        ..ahead
+    };
+    let left = WallFace {
+        origin_m: Vector3::new(block.min_m.x, block.min_m.y, hall.min_m.z),
+        width_m: hall.max_m.x - block.min_m.x,
+        ..left
+    };
+    hang(tags, &ahead, edge_m, (SPACING_AHEAD_M, &ROWS_AHEAD_M), noise);
+    hang(tags, &left, edge_m, (SPACING_M, &ROWS_M), noise);
+}
+
 /// Rows of markers along one wall.
 fn hang(
     tags: &mut Vec<PlacedTag>,

@@ -46,7 +46,7 @@ struct System {
 
 /// The unknown level β, integrated out: `Q_h = Q − c g gᵀ`.
 #[derive(Debug)]
-struct Level {
+pub(super) struct Level {
     /// g = Q0 1.
     g: Vec<f64>,
     /// `c = 1/(1/σ_β² + 1ᵀg)`.
@@ -70,9 +70,9 @@ enum Method {
 
 /// v = Q⁻¹ g, `s = 1/σ_β² + gᵀ(1 − v)`.
 #[derive(Debug)]
-struct LevelResponse {
-    v: Vec<f64>,
-    s: f64,
+pub(super) struct LevelResponse {
+    pub(super) v: Vec<f64>,
+    pub(super) s: f64,
 }
 
 impl System {
@@ -133,14 +133,14 @@ impl System {
 }
 
 impl Level {
-    fn new(lattice: &Lattice, operator: &Operator, prior: &Prior) -> Self {
+    pub(super) fn new(lattice: &Lattice, operator: &Operator, prior: &Prior) -> Self {
         let g = operator.apply(lattice, &vec![1.0; lattice.n_nodes()]);
         let prior_info = prior.mean_sigma_m.powi(-2);
         let c = 1.0 / (prior_info + g.iter().sum::<f64>());
         Self { g, c, prior_info }
     }
 
-    fn response(&self, factor: &Factor) -> Result<LevelResponse, FieldError> {
+    pub(super) fn response(&self, factor: &Factor) -> Result<LevelResponse, FieldError> {
         let v = factor.solve(&self.g);
         let seen: f64 = self.g.iter().zip(&v).map(|(g, v)| g * (1.0 - v)).sum();
         let s = self.prior_info + seen;

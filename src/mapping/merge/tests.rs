@@ -21,6 +21,7 @@ fn settings() -> Settings {
             exclusion_margin_m: 0.0,
             bays: Vec::new(),
         },
+        obstacles: Vec::new(),
         cell_m: 0.25,
         base_height_m: 0.0,
         below_base_m: 0.5,

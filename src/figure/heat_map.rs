@@ -1,0 +1,358 @@
+//! A map in colours, with its colour bar and what lies over it.
+
+use super::canvas::{Area, Hold, TEXT, drawn, on_paper, part, text_style, write, write_title};
+use super::legend::{self, Entry, Sample};
+use super::overlay::Overlay;
+use super::{Figure, FigureError, Table, ticks};
+use plotters::prelude::{ChartBuilder, LabelAreaPosition, Rectangle};
+use plotters::style::{Color, RGBColor, ShapeStyle};
+
+/// Values on a regular lattice of the hall.
+///
+/// ```text
+///   y ▲  values[2·n_cols] …
+///     │  values[n_cols] …
+///     │  values[0] values[1] … values[n_cols − 1]
+///     └──▶ x
+/// ```
+/// Each value stands for a square of `cell_m`; (`x_min_m`, `y_min_m`) is the lower left corner of
+/// the first. A value that is not finite is unknown and drawn grey.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Lattice {
+    /// Left border, m.
+    pub x_min_m: f64,
+    /// Lower border, m.
+    pub y_min_m: f64,
+    /// Side of a cell, m.
+    pub cell_m: f64,
+    /// Cells in a row along x.
+    pub n_cols: usize,
+    /// Row by row, from small y to large.
+    pub values: Vec<f64>,
+}
+
+/// A map in colours.
+#[derive(Debug, Clone, PartialEq)]
+pub struct HeatMap {
+    /// What the picture shows.
+    pub title: String,
+    /// The values.
+    pub grid: Lattice,
+    /// What the values are, with their unit; stands beside the colour bar.
+    pub quantity: String,
+    /// Values at the ends of the colour bar; those of the data if `None`. Values beyond take the
+    /// colour of the end.
+    pub range: Option<[f64; 2]>,
+    /// What lies over the map, in the order of drawing.
+    pub overlays: Vec<Overlay>,
+}
+
+/// Length of the map's longer side, units of the picture.
+const LONG_SIDE: f64 = 460.0;
+const TOP: i32 = 42;
+const LEFT: i32 = 64;
+const BELOW: i32 = 52;
+const BAR_GAP: i32 = 20;
+const BAR_WIDTH: i32 = 18;
+const BAR_LABELS: i32 = 62;
+const BAR_TITLE: i32 = 30;
+const TICK: i32 = 6;
+/// Free ground around an overlay that reaches beyond the lattice, m.
+const MARGIN_M: f64 = 0.5;
+const UNKNOWN: RGBColor = RGBColor(222, 222, 222);
+const FRAME: RGBColor = RGBColor(60, 60, 60);
+/// Shades of the map; neighbouring cells of one shade become one rectangle.
+const N_SHADES: f64 = 128.0;
+
+impl Lattice {
+    fn n_rows(&self) -> usize {
+        self.values.len() / self.n_cols.max(1)
+    }
+
+    /// Right and upper border, m.
+    #[expect(clippy::cast_precision_loss, reason = "lattices are small")]
+    fn far_corner_m(&self) -> [f64; 2] {
+        [
+            self.x_min_m + self.n_cols as f64 * self.cell_m,
+            self.y_min_m + self.n_rows() as f64 * self.cell_m,
+        ]
+    }
+
+    /// Centre of a cell, m.
+    #[expect(clippy::cast_precision_loss, reason = "lattices are small")]
+    fn centre_m(&self, k: usize) -> [f64; 2] {
+        let (col, row) = (k % self.n_cols, k / self.n_cols);
+        [
+            self.x_min_m + (col as f64 + 0.5) * self.cell_m,
+            self.y_min_m + (row as f64 + 0.5) * self.cell_m,
+        ]
+    }
+}
+
+/// Where the hall lies on the picture.
+#[derive(Debug, Clone, Copy)]
+struct View {
+    /// Lower left and upper right corner of what is shown, m.
+    min_m: [f64; 2],
+    max_m: [f64; 2],
+    /// The map's size on the picture.
+    size: (i32, i32),
+}
+
+impl View {
+    #[expect(clippy::cast_possible_truncation, reason = "pictures are small")]
+    fn of(map: &HeatMap) -> Self {
+        let grid = &map.grid;
+        let (mut min_m, mut max_m) = ([grid.x_min_m, grid.y_min_m], grid.far_corner_m());
+        for point in map.overlays.iter().flat_map(|overlay| &overlay.points_m) {
+            for k in 0..2 {
+                if point[k] < min_m[k] {
+                    min_m[k] = point[k] - MARGIN_M;
+                }
+                if point[k] > max_m[k] {
+                    max_m[k] = point[k] + MARGIN_M;
+                }
+            }
+        }
+        let spans_m = [max_m[0] - min_m[0], max_m[1] - min_m[1]];
+        let scale = LONG_SIDE / spans_m[0].max(spans_m[1]);
+        // A long narrow hall keeps room for its labels.
+        let side = |span_m: f64| ((span_m * scale).round() as i32).max(120);
+        Self { min_m, max_m, size: (side(spans_m[0]), side(spans_m[1])) }
+    }
+
+    /// From hall to the map's part of the picture.
+    #[expect(clippy::cast_possible_truncation, reason = "pictures are small")]
+    fn place(&self, point_m: &[f64; 2]) -> (i32, i32) {
+        let share = |k: usize| (point_m[k] - self.min_m[k]) / (self.max_m[k] - self.min_m[k]);
+        let (width, height) = (f64::from(self.size.0), f64::from(self.size.1));
+        ((share(0) * width).round() as i32, ((1.0 - share(1)) * height).round() as i32)
+    }
+}
+
+impl HeatMap {
+    fn check(&self) -> Result<(), FigureError> {
+        let grid = &self.grid;
+        let is_whole = grid.n_cols > 0
+            && !grid.values.is_empty()
+            && grid.values.len().is_multiple_of(grid.n_cols);
+        let numbers = [grid.x_min_m, grid.y_min_m, grid.cell_m];
+        let reason = if !is_whole {
+            format!("{} values do not fill rows of {}", grid.values.len(), grid.n_cols)
+        } else if numbers.iter().any(|n| !n.is_finite()) || grid.cell_m <= 0.0 {
+            "the lattice has no place or no cells".to_owned()
+        } else if self.overlays.iter().flat_map(|o| &o.points_m).flatten().any(|n| !n.is_finite()) {
+            "a point over the map is nowhere".to_owned()
+        } else {
+            return Ok(());
+        };
+        Err(FigureError::BadData { title: self.title.clone(), reason })
+    }
+
+    /// Values at the ends of the colour bar, different from each other.
+    fn shown_range(&self) -> [f64; 2] {
+        let known = || self.grid.values.iter().copied().filter(|v| v.is_finite());
+        let [low, high] = self.range.unwrap_or_else(|| {
+            [known().fold(f64::INFINITY, f64::min), known().fold(f64::NEG_INFINITY, f64::max)]
+        });
+        match (low.is_finite() && high.is_finite(), high > low) {
+            (true, true) => [low, high],
+            (true, false) => [low - 0.5, low + 0.5],
+            (false, _) => [0.0, 1.0],
+        }
+    }
+
+    fn entries(&self) -> Vec<Entry> {
+        let mut entries: Vec<Entry> = Vec::new();
+        for overlay in self.overlays.iter().filter(|overlay| !overlay.label.is_empty()) {
+            if entries.last().is_none_or(|last| last.label != overlay.label) {
+                let sample = Sample::Mark(overlay.shape, overlay.ink);
+                entries.push(Entry { label: overlay.label.clone(), sample });
+            }
+        }
+        entries
+    }
+
+    fn draw_cells(&self, area: &Area<'_>, view: &View) -> Result<(), FigureError> {
+        let grid = &self.grid;
+        let [low, high] = self.shown_range();
+        let half_m = 0.5 * grid.cell_m;
+        for row in 0..grid.n_rows() {
+            let cells = row * grid.n_cols..(row + 1) * grid.n_cols;
+            let shades: Vec<Option<f64>> =
+                cells.clone().map(|k| shade(grid.values[k], low, high)).collect();
+            let mut from = 0;
+            for run in shades.chunk_by(|a, b| a == b) {
+                let to = from + run.len() - 1;
+                let [x0, y0] = grid.centre_m(cells.start + from);
+                let [x1, _] = grid.centre_m(cells.start + to);
+                let corners = [
+                    view.place(&[x0 - half_m, y0 + half_m]),
+                    view.place(&[x1 + half_m, y0 - half_m]),
+                ];
+                let colour = run[0].map_or(UNKNOWN, colour);
+                drawn(area.draw(&Rectangle::new(corners, colour.filled())))?;
+                from = to + 1;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Which of the shades a value gets, 0 to 1; `None` if it is unknown.
+fn shade(value: f64, low: f64, high: f64) -> Option<f64> {
+    let share = ((value - low) / (high - low)).clamp(0.0, 1.0);
+    value.is_finite().then(|| (share * (N_SHADES - 1.0)).round() / (N_SHADES - 1.0))
+}
+
+/// Perceptually uniform, dark to light: eight colours of matplotlib's viridis (van der Walt and
+/// Smith 2015, CC0) at equal distances; linear between them.
+const VIRIDIS: [[f64; 3]; 8] = [
+    [68.0, 1.0, 84.0],
+    [70.0, 50.0, 127.0],
+    [54.0, 92.0, 141.0],
+    [39.0, 127.0, 143.0],
+    [31.0, 162.0, 136.0],
+    [74.0, 194.0, 110.0],
+    [160.0, 219.0, 57.0],
+    [254.0, 232.0, 37.0],
+];
+
+/// The colour of a share from 0 to 1.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "within a byte")]
+fn colour(share: f64) -> RGBColor {
+    let place = share.clamp(0.0, 1.0) * 7.0;
+    let below = (place as usize).min(6);
+    let mix = |k: usize| {
+        let t = place - place.trunc().min(6.0);
+        ((1.0 - t) * VIRIDIS[below][k] + t * VIRIDIS[below + 1][k]).round() as u8
+    };
+    RGBColor(mix(0), mix(1), mix(2))
+}
+
+/// Axes in metres around the map, which has its place at (`LEFT`, `TOP`).
+fn draw_axes(root: &Area<'_>, view: &View) -> Result<(), FigureError> {
+    let (width, height) = view.size;
+    let area = part(root, (0, TOP), (LEFT + width, height + BELOW));
+    let [x, y] = [0, 1].map(|k| view.min_m[k]..view.max_m[k]);
+    let mut chart = drawn(
+        ChartBuilder::on(&area)
+            .x_label_area_size(BELOW)
+            .y_label_area_size(LEFT)
+            .build_cartesian_2d(x.clone(), y.clone()),
+    )?;
+    let n_labels = |length: i32| usize::try_from(length / 55).unwrap_or(2).max(2);
+    drawn(
+        chart
+            .configure_mesh()
+            .disable_mesh()
+            .axis_style(FRAME)
+            .x_labels(n_labels(width))
+            .y_labels(n_labels(height))
+            .x_label_formatter(&ticks::label(x.end - x.start))
+            .y_label_formatter(&ticks::label(y.end - y.start))
+            .label_style(text_style(TEXT))
+            .draw(),
+    )?;
+    let foot = TOP + height + BELOW - 14;
+    write(root, "x (m)", (LEFT + width / 2, foot), TEXT, Hold::Middle)?;
+    write(root, "y (m)", (14, TOP + height / 2), TEXT, Hold::Upwards)
+}
+
+/// The colour bar with its numbers, right of the map.
+fn draw_bar(
+    root: &Area<'_>,
+    at: (i32, i32),
+    height: i32,
+    [low, high]: [f64; 2],
+    quantity: &str,
+) -> Result<(), FigureError> {
+    let area = part(root, at, (BAR_WIDTH + BAR_LABELS, height));
+    for y in 0..height {
+        let share = 1.0 - f64::from(y) / f64::from(height);
+        let row = [(0, y), (BAR_WIDTH, y + 1)];
+        let tone = shade(share, 0.0, 1.0).map_or(UNKNOWN, colour);
+        drawn(area.draw(&Rectangle::new(row, tone.filled())))?;
+    }
+    let mut chart = drawn(
+        ChartBuilder::on(&area)
+            .right_y_label_area_size(BAR_LABELS)
+            .build_cartesian_2d(0.0..1.0, low..high),
+    )?;
+    drawn(
+        chart
+            .configure_mesh()
+            .disable_mesh()
+            .disable_x_axis()
+            .set_tick_mark_size(LabelAreaPosition::Right, TICK)
+            .axis_style(FRAME)
+            .y_labels(8)
+            .y_label_formatter(&ticks::label(high - low))
+            .label_style(text_style(TEXT))
+            .draw(),
+    )?;
+    let beside = (at.0 + BAR_WIDTH + BAR_LABELS + BAR_TITLE / 2, at.1 + height / 2);
+    write(root, quantity, beside, TEXT, Hold::Upwards)
+}
+
+impl Figure for HeatMap {
+    fn svg(&self) -> Result<String, FigureError> {
+        self.check()?;
+        let view = View::of(self);
+        let (width, height) = view.size;
+        let entries = self.entries();
+        let right = BAR_GAP + BAR_WIDTH + BAR_LABELS + BAR_TITLE;
+        let total = LEFT + width + right;
+        let legend_height = legend::height(&entries, total - LEFT);
+        let below_map = TOP + height + BELOW;
+        let size = (total.unsigned_abs(), (below_map + legend_height).unsigned_abs());
+        on_paper(size, |root| {
+            write_title(root, &self.title, total, TOP)?;
+            draw_axes(root, &view)?;
+            let map = part(root, (LEFT, TOP), view.size);
+            self.draw_cells(&map, &view)?;
+            for overlay in &self.overlays {
+                overlay.draw(&map, |point_m| view.place(point_m))?;
+            }
+            let frame = Rectangle::new([(0, 0), view.size], ShapeStyle::from(FRAME));
+            drawn(map.draw(&frame))?;
+            let at = (LEFT + width + BAR_GAP, TOP);
+            draw_bar(root, at, height, self.shown_range(), &self.quantity)?;
+            if legend_height > 0 {
+                let area = part(root, (LEFT, below_map), (total - LEFT, legend_height));
+                legend::draw(&area, &entries, total - LEFT)?;
+            }
+            Ok(())
+        })
+    }
+
+    fn tables(&self) -> Vec<Table> {
+        let columns = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();
+        let cells = (0..self.grid.values.len())
+            .map(|k| {
+                let [x_m, y_m] = self.grid.centre_m(k);
+                (String::new(), vec![x_m, y_m, self.grid.values[k]])
+            })
+            .collect();
+        let map = Table {
+            kind: String::new(),
+            columns: columns(&["x (m)", "y (m)", &self.quantity]),
+            rows: cells,
+        };
+        let points: Vec<(String, Vec<f64>)> = self
+            .overlays
+            .iter()
+            .flat_map(|overlay| {
+                let name =
+                    if overlay.label.is_empty() { overlay.shape.name() } else { &overlay.label };
+                overlay.points_m.iter().map(move |point| (name.to_owned(), point.to_vec()))
+            })
+            .collect();
+        let over = Table {
+            kind: "overlay".to_owned(),
+            columns: columns(&["what", "x (m)", "y (m)"]),
+            rows: points,
+        };
+        if over.rows.is_empty() { vec![map] } else { vec![map, over] }
+    }
+}

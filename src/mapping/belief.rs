@@ -1,0 +1,281 @@
+//! What a planner believes of the volume: the map's data on a coarse lattice, where the effect of
+//! flights that are only thought of can be computed a thousand times in a second.
+//!
+//! ```text
+//! Q = Q0 + Σ_seen a aᵀ ι dA,   q = Q⁻¹ w
+//! (σ^V)² = wᵀ q + Σ_k s_kᵀ P_k s_k + c,   s_k = Σ_{i∈k} ι_i a_iᵀ q ∂z_i/∂(z, θ_x, θ_y)
+//! ```
+//! - `ι`: information about the coarse field per area that was seen, 1/m⁴: seen ground counts
+//!   once, however many beams hit it, but for what the noise of the beams leaves
+//! - `k`: stretch of a flight over which the pose's error stays the same; `P_k` its covariance
+//! - `c`: what no flight changes (calibration, base), m⁶
+//!
+//! Checked: `coarse_variance_matches_dense_algebra`.
+
+use super::field_map::SolveField;
+use super::grid_map::SolveGrid;
+use super::mapper::SolveSurface;
+use super::matern_field::{FieldError, Functional, Information, Lattice, Prior, Row};
+use super::region::Region;
+use crate::messages::GridGeometry;
+use crate::time::{Mono, Stamp};
+use nalgebra::{Matrix3, Matrix6, SMatrix, Vector3};
+use std::sync::Arc;
+use std::time::Duration;
+
+/// The coarse lattice with the sum that is the volume.
+#[derive(Debug)]
+pub struct CoarseField {
+    functional: Functional,
+    prior: Prior,
+    /// σ² of what the coarse field cannot follow inside one cell of the map, m².
+    sub_var_m2: f64,
+    /// Cells of the map.
+    fine: GridGeometry,
+    /// Area that counts, m².
+    area_m2: f64,
+}
+
+impl PartialEq for CoarseField {
+    fn eq(&self, other: &Self) -> bool {
+        self.prior == other.prior
+            && self.fine == other.fine
+            && self.functional.lattice() == other.functional.lattice()
+            && self.functional.weights() == other.functional.weights()
+    }
+}
+
+/// A stretch of flight over which the pose's error stays the same.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PoseWindow {
+    /// Σ a ι ∂z/∂c for height, tilt about x, tilt about y of the hall, node by node.
+    moments: [Vec<f64>; 3],
+    /// Covariance of these three errors, m and rad.
+    cov: Matrix3<f64>,
+}
+
+/// What a flight or a part of it sees.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sightings {
+    /// What it says about the field.
+    pub info: Information,
+    /// What its pose errors do.
+    pub windows: Vec<PoseWindow>,
+}
+
+/// How uncertain the volume is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct VolumeVar {
+    /// By ground that was not or thinly seen, m⁶.
+    pub field_m6: f64,
+    /// By the pose, m⁶.
+    pub pose_m6: f64,
+}
+
+/// Nodes along the longer side of the region at most.
+const MOST_CELLS: f64 = 36.0;
+/// Cells per practical range: half the length scale ρ/2.
+const CELLS_PER_RANGE: f64 = 4.0;
+/// Share of σ² that one seen cell of the map leaves open about the coarse field.
+///
+/// Neighbouring cells are seen together, so this is the error of an area's mean rather than of a
+/// point; chosen so that predictions meet the accounts of flights.
+const SUB_VAR_SHARE: f64 = 0.01;
+/// Errors of the pose stay the same for about this long.
+const WINDOW: Duration = Duration::from_secs(1);
+
+impl CoarseField {
+    /// The lattice over a region whose map has the cells `fine`, of which `cell_areas_m2` count.
+    ///
+    /// # Errors
+    /// [`FieldError`] for a prior that is none.
+    pub fn new(
+        region: &Region,
+        fine: GridGeometry,
+        cell_areas_m2: &[f64],
+        prior: Prior,
+    ) -> Result<Self, FieldError> {
+        let (width_m, depth_m) = region.bounds.size_m();
+        let (longest_m, shortest_m) = (width_m.max(depth_m), width_m.min(depth_m));
+        let spacing_m = (prior.range_m / CELLS_PER_RANGE)
+            .max(longest_m / MOST_CELLS)
+            .min(shortest_m / 3.0)
+            .max(fine.cell_m);
+        let coarse = region.grid(spacing_m);
+        let lattice = Lattice::covering(&coarse, prior.padding_m(), |a, b| region.separates(a, b));
+        let mut w = vec![0.0; lattice.n_nodes()];
+        let mut area_m2 = 0.0;
+        for (cell, cell_area_m2) in cell_areas_m2.iter().enumerate().filter(|(_, a)| **a > 0.0) {
+            let (x, y) = fine.centre_m(cell);
+            let Some(row) = lattice.row_at(x, y) else { continue };
+            area_m2 += cell_area_m2;
+            for (node, weight) in std::iter::zip(row.nodes, row.weights) {
+                w[node as usize] += weight * cell_area_m2;
+            }
+        }
+        Ok(Self {
+            functional: Functional::new(&Arc::new(lattice), &prior, w)?,
+            sub_var_m2: SUB_VAR_SHARE * prior.sigma_m.powi(2),
+            prior,
+            fine,
+            area_m2,
+        })
+    }
+
+    /// The nodes.
+    #[must_use]
+    pub fn lattice(&self) -> &Lattice {
+        self.functional.lattice()
+    }
+
+    /// Area that counts, m².
+    #[must_use]
+    pub const fn area_m2(&self) -> f64 {
+        self.area_m2
+    }
+
+    /// Expected height of the surface before anything is seen, m.
+    #[must_use]
+    pub const fn mean_height_m(&self) -> f64 {
+        self.prior.mean_m
+    }
+
+    /// ι: information per area seen, 1/m⁴.
+    #[must_use]
+    pub fn info_per_area(&self) -> f64 {
+        1.0 / (self.sub_var_m2 * self.fine.cell_area_m2())
+    }
+
+    /// Nothing seen.
+    #[must_use]
+    pub fn nothing_seen(&self) -> Sightings {
+        Sightings { info: Information::new(self.lattice()), windows: Vec::new() }
+    }
+
+    /// What the map knows, or knew at an earlier instant; the cells of the paper's grid keep no past.
+    #[must_use]
+    pub fn seen(&self, surface: &SolveSurface, until: Option<Stamp<Mono>>) -> Sightings {
+        match surface {
+            SolveSurface::MaternField(work) => self.seen_by_turns(work, until),
+            SolveSurface::KalmanGrid(work) => self.seen_by_cells(work),
+        }
+    }
+
+    /// Every cell is worth what its patches are worth together, and no more than seeing it is.
+    fn seen_by_turns(&self, work: &SolveField, until: Option<Stamp<Mono>>) -> Sightings {
+        let mut cell_info = vec![0.0; self.fine.n_cells()];
+        work.for_each_patch(until, |_, patch, info| {
+            let place = patch.place();
+            if let Some(cell) = self.fine.cell_at(place.x, place.y) {
+                cell_info[cell] += info;
+            }
+        });
+        let mut seen = self.nothing_seen();
+        let mut window_ends_at = None;
+        work.for_each_patch(until, |footprint, patch, info| {
+            if window_ends_at.is_none_or(|end| footprint.error.at >= end) {
+                window_ends_at = Some(footprint.error.at.plus(WINDOW));
+                let pose_cov = footprint.error.cov.fixed_view::<6, 6>(0, 0).into_owned();
+                let rotation = footprint.hall_from_body.rotation.matrix();
+                seen.windows.push(self.window(&height_and_tilt_cov(&pose_cov, &rotation)));
+            }
+            let place = patch.place();
+            let cell = self.fine.cell_at(place.x, place.y);
+            let Some((cell, row)) = cell.zip(self.lattice().row_at(place.x, place.y)) else {
+                return;
+            };
+            let info = info / (1.0 + cell_info[cell] * self.sub_var_m2);
+            let arm = footprint.hall_from_body.rotation.matrix() * patch.arm();
+            seen.add(&row, info, (arm.x, arm.y));
+        });
+        seen
+    }
+
+    /// Every cell of the paper's grid as a datum of its own.
+    fn seen_by_cells(&self, work: &SolveGrid) -> Sightings {
+        let mut seen = self.nothing_seen();
+        let prior_info = work.prior_sigma_m().powi(-2);
+        for (cell, var_m2) in work.cell_var_m2().iter().enumerate() {
+            let info = 1.0 / var_m2 - prior_info;
+            let (x, y) = self.fine.centre_m(cell);
+            if let (true, Some(row)) = (info > 1e-9, self.lattice().row_at(x, y)) {
+                seen.info.add(&row, 0.0, info / (1.0 + info * self.sub_var_m2));
+            }
+        }
+        seen
+    }
+
+    /// An empty stretch with this covariance of height (m), tilt about x and about y (rad).
+    #[must_use]
+    pub fn window(&self, cov: &Matrix3<f64>) -> PoseWindow {
+        let n = self.lattice().n_nodes();
+        PoseWindow { moments: std::array::from_fn(|_| vec![0.0; n]), cov: *cov }
+    }
+
+    /// The variance of the volume after all these.
+    ///
+    /// # Errors
+    /// [`FieldError`] from the factor.
+    pub fn volume_var(&self, parts: &[&Sightings]) -> Result<VolumeVar, FieldError> {
+        let Some((first, others)) = parts.split_first() else {
+            return self.volume_var(&[&self.nothing_seen()]);
+        };
+        let mut info = first.info.clone();
+        for part in others {
+            info.merge(&part.info)?;
+        }
+        let given = self.functional.given(&info)?;
+        let pose_m6 = parts
+            .iter()
+            .flat_map(|part| &part.windows)
+            .map(|window| window.volume_var(&given.q))
+            .sum();
+        Ok(VolumeVar { field_m6: given.var, pose_m6 })
+    }
+}
+
+impl VolumeVar {
+    /// (σ^V)², m⁶.
+    #[must_use]
+    pub fn total_m6(&self) -> f64 {
+        self.field_m6 + self.pose_m6
+    }
+}
+
+impl Sightings {
+    /// Adds a datum of the newest window: information 1/R, and where it lies from the body in the
+    /// axes of the hall, m.
+    pub fn add(&mut self, row: &Row, info_per_m2: f64, (arm_x_m, arm_y_m): (f64, f64)) {
+        if !self.info.add(row, 0.0, info_per_m2) {
+            return;
+        }
+        let Some(window) = self.windows.last_mut() else { return };
+        // δz = δp_z + θ_x y − θ_y x
+        for (moments, by) in window.moments.iter_mut().zip([1.0, arm_y_m, -arm_x_m]) {
+            for (node, weight) in std::iter::zip(row.nodes, row.weights) {
+                moments[node as usize] += weight * info_per_m2 * by;
+            }
+        }
+    }
+}
+
+impl PoseWindow {
+    /// sᵀ P s, m⁶.
+    fn volume_var(&self, q: &[f64]) -> f64 {
+        let s = Vector3::from_fn(|c, _| {
+            std::iter::zip(&self.moments[c], q).map(|(m, q)| m * q).sum::<f64>()
+        });
+        s.dot(&(self.cov * s)).max(0.0)
+    }
+}
+
+/// Covariance of height and the tilts about x and y of the hall from that of a pose: position in
+/// hall axes, attitude in the axes of a body with this rotation.
+#[must_use]
+pub fn height_and_tilt_cov(pose_cov: &Matrix6<f64>, hall_from_body: &Matrix3<f64>) -> Matrix3<f64> {
+    let mut by = SMatrix::<f64, 3, 6>::zeros();
+    by[(0, 2)] = 1.0;
+    by.fixed_view_mut::<1, 3>(1, 3).copy_from(&hall_from_body.row(0));
+    by.fixed_view_mut::<1, 3>(2, 3).copy_from(&hall_from_body.row(1));
+    by * pose_cov * by.transpose()
+}

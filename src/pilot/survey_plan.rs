@@ -1,0 +1,293 @@
+//! Which waypoints the survey still has, when to ask for others, and when it is done.
+
+use crate::geometry::{Hall, Point};
+use crate::mapping::Mapper;
+use crate::mapping::belief::CoarseField;
+use crate::mapping::projection::LidarMount;
+use crate::messages::{BudgetSource, VolumeAccount};
+use crate::planning::free_space::FreeSpace;
+use crate::planning::planner::{Belief, Plan, PlanEnd, PlanRequest, Prediction};
+use crate::planning::way::{Demand, way_within};
+use crate::planning::{PlannerKind, Settings, Waypoint};
+use crate::time::{Mono, Stamp};
+use nalgebra::Vector3;
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+/// A plan is made anew after this many waypoints.
+const REPLAN_AFTER_STEPS: usize = 2;
+/// This many waypoints stand while a plan is made: the vehicle flies on meanwhile.
+const N_PENDING: usize = 2;
+
+/// Waypoints whose ways are looked at.
+const N_LOOKED_AT: usize = 10;
+
+/// The waypoints of the survey.
+#[derive(Debug, Clone)]
+pub(super) struct SurveyPlan {
+    settings: Settings,
+    free_space: Arc<FreeSpace>,
+    /// None if the surface has no field that could be weighed.
+    field: Option<Arc<CoarseField>>,
+    /// Decided, not reached; the first is being flown to during the survey.
+    ahead: VecDeque<Waypoint>,
+    steps_done: usize,
+    /// Waypoints reached when the present plan came.
+    planned_at_step: Option<usize>,
+    /// Behind which waypoint the plan that is being made goes on.
+    asked_behind: Option<Waypoint>,
+    /// Why no further plan is asked for.
+    end: Option<PlanEnd>,
+    prediction: Option<Prediction>,
+}
+
+/// What a plan rests on besides map and free space.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct PlanFacts<'a> {
+    /// Where the vehicle is.
+    pub(super) from: Waypoint,
+    /// The newest account of the whole region.
+    pub(super) whole: Option<&'a VolumeAccount>,
+    /// How far the battery reaches, the way home included, m.
+    pub(super) reach_m: f64,
+    /// Where the way home ends.
+    pub(super) over_home: Option<Point<Hall>>,
+    pub(super) now: Stamp<Mono>,
+}
+
+impl SurveyPlan {
+    pub(super) fn new(settings: Settings, free_space: FreeSpace, mapper: &Mapper) -> Self {
+        Self {
+            settings,
+            free_space: Arc::new(free_space),
+            field: mapper.coarse_field().ok().map(Arc::new),
+            ahead: VecDeque::new(),
+            steps_done: 0,
+            planned_at_step: None,
+            asked_behind: None,
+            end: None,
+            prediction: None,
+        }
+    }
+
+    /// Forgets the last flight.
+    pub(super) fn restart(&mut self) {
+        self.ahead.clear();
+        self.steps_done = 0;
+        self.planned_at_step = None;
+        self.asked_behind = None;
+        self.end = None;
+        self.prediction = None;
+    }
+
+    pub(super) const fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    pub(super) const fn ahead(&self) -> &VecDeque<Waypoint> {
+        &self.ahead
+    }
+
+    pub(super) const fn steps_done(&self) -> usize {
+        self.steps_done
+    }
+
+    /// True if there is somewhere to fly.
+    pub(super) fn has_somewhere_to_go(&self) -> bool {
+        self.free_space.feasible().next().is_some()
+    }
+
+    /// The first waypoints ahead are reached.
+    pub(super) fn reach(&mut self, n_reached: usize) {
+        let n_reached = n_reached.min(self.ahead.len());
+        self.ahead.drain(..n_reached);
+        self.steps_done += n_reached;
+    }
+
+    /// True if the vehicle may be there.
+    pub(super) fn is_free(&self, waypoint: &Waypoint) -> bool {
+        self.free_space.is_free(waypoint)
+    }
+
+    /// All waypoints are reached and no more will come.
+    pub(super) fn is_done(&self) -> bool {
+        self.ahead.is_empty() && (self.end.is_some() || self.steps_done >= self.settings.n_steps)
+    }
+
+    /// Everything that was wished for is flown; false if the planner ran out of waypoints.
+    pub(super) fn is_complete(&self) -> bool {
+        let is_cut_short = match self.end {
+            None | Some(PlanEnd::Open) => self.steps_done < self.settings.n_steps,
+            Some(PlanEnd::NothingFree | PlanEnd::Budget) => self.steps_done < self.settings.n_steps,
+            Some(PlanEnd::Complete | PlanEnd::Target | PlanEnd::SmallGain) => false,
+        };
+        self.is_done() && !is_cut_short
+    }
+
+    /// Ends the survey where it is once the volume is sure enough. True if it does.
+    pub(super) fn stops_at_target(&mut self, whole: &VolumeAccount) -> bool {
+        let estimate = &whole.estimate;
+        let is_reached = self
+            .settings
+            .target_ratio
+            .is_some_and(|ratio| estimate.sigma_m3 <= ratio * estimate.volume_m3.abs());
+        // Without a step nothing of the material was looked at on purpose.
+        if is_reached && self.steps_done > 0 && self.end != Some(PlanEnd::Target) {
+            self.ahead.clear();
+            self.end = Some(PlanEnd::Target);
+            return true;
+        }
+        false
+    }
+
+    /// The plan that is to be made, if one is due and none is being made.
+    pub(super) fn plan_due(
+        &mut self,
+        facts: &PlanFacts<'_>,
+        mapper: &Mapper,
+        lidar: &LidarMount,
+    ) -> Option<PlanRequest> {
+        if !self.is_due() {
+            return None;
+        }
+        let PlanFacts { from, whole, reach_m, over_home, now } = *facts;
+        let n_pending = self.ahead.len().min(N_PENDING);
+        let pending: Vec<Waypoint> =
+            std::iter::once(from).chain(self.ahead.iter().take(n_pending).copied()).collect();
+        let pending_m: f64 = pending.windows(2).map(|pair| pair[0].distance_m(&pair[1])).sum();
+        self.asked_behind = pending.last().copied();
+        Some(PlanRequest {
+            settings: self.settings.clone(),
+            current: self.ahead.iter().skip(n_pending).copied().collect(),
+            n_waypoints: self.settings.n_steps.saturating_sub(self.steps_done + n_pending),
+            longest_m: (reach_m - pending_m).max(0.0),
+            over_home,
+            pending,
+            free_space: Arc::clone(&self.free_space),
+            lidar: lidar.clone(),
+            belief: self.belief(mapper, now),
+            volume_m3: whole.map_or_else(
+                || self.nominal_volume_m3(mapper),
+                |account| account.estimate.volume_m3,
+            ),
+            constant_var_m6: whole.map_or(0.0, constant_var_m6),
+            accounted: whole.map(|account| account.estimate),
+        })
+    }
+
+    fn is_due(&self) -> bool {
+        let is_open = self.end.is_none()
+            && self.steps_done + self.ahead.len().min(N_PENDING) < self.settings.n_steps;
+        is_open
+            && match self.settings.planner {
+                PlannerKind::Greedy => self.ahead.len() < N_PENDING,
+                PlannerKind::SquareWave => self.planned_at_step.is_none(),
+                PlannerKind::Horizon => {
+                    self.ahead.is_empty()
+                        || self
+                            .planned_at_step
+                            .is_none_or(|step| self.steps_done >= step + REPLAN_AFTER_STEPS)
+                }
+            }
+    }
+
+    fn belief(&self, mapper: &Mapper, now: Stamp<Mono>) -> Belief {
+        match (&self.field, self.settings.planner) {
+            (Some(field), PlannerKind::SquareWave | PlannerKind::Horizon) => Belief::Field {
+                field: Arc::clone(field),
+                surface: Box::new(mapper.snapshot(now, false)),
+            },
+            _ => Belief::Grid {
+                cells: Box::new(mapper.grid().clone()),
+                areas_m2: mapper.base().cell_areas_m2.clone().into(),
+            },
+        }
+    }
+
+    /// The volume that the nominal height would have, m³.
+    fn nominal_volume_m3(&self, mapper: &Mapper) -> f64 {
+        let n_cells = mapper.grid().geometry().n_cells();
+        mapper.base().volume_m3(&vec![self.settings.nominal_height_m; n_cells])
+    }
+
+    /// Takes in a plan. False if the vehicle has left the place from which it goes on.
+    pub(super) fn on_plan(&mut self, plan: Plan) -> bool {
+        let Some(behind) = self.asked_behind.take() else { return false };
+        let place = self.ahead.iter().position(|waypoint| *waypoint == behind);
+        match place {
+            Some(place) => self.ahead.truncate(place + 1),
+            // It was asked for while nothing was ahead.
+            None if self.ahead.is_empty() => {}
+            None => return false,
+        }
+        self.ahead.extend(plan.waypoints);
+        self.planned_at_step = Some(self.steps_done);
+        self.prediction = plan.prediction.or(self.prediction);
+        // A search goes on to better what it found; the others stand by their word.
+        self.end = match (self.settings.planner, plan.end) {
+            (_, PlanEnd::Open) => None,
+            (PlannerKind::Horizon, PlanEnd::Target | PlanEnd::Budget) if !self.ahead.is_empty() => {
+                None
+            }
+            (_, end) => Some(end),
+        };
+        true
+    }
+
+    /// The planner gave nothing.
+    pub(super) fn on_no_plan(&mut self) {
+        self.asked_behind = None;
+        self.end = Some(PlanEnd::NothingFree);
+    }
+
+    /// The corners of a way around what stands between, its end included: where fixes are good all
+    /// along if there is such a way, else where nothing is touched; `None` without any.
+    pub(super) fn way(&self, from: &Vector3<f64>, to: &Vector3<f64>) -> Option<Vec<Vector3<f64>>> {
+        let at = |place: &Vector3<f64>| Waypoint {
+            place: Point::from_coords(*place),
+            yaw_rad: self.settings.yaw_rad,
+        };
+        let (from, to) = (at(from), at(to));
+        let of = |demand| way_within(&self.free_space, &from, &to, demand);
+        let found = of(Demand::Free).or_else(|| of(Demand::Clear))?;
+        Some(found.iter().map(|waypoint| waypoint.place.coords).collect())
+    }
+
+    /// Puts the way around what stands between two waypoints that come next in front of the second;
+    /// a waypoint to which there is no way is left out.
+    pub(super) fn go_around(&mut self, from: &Vector3<f64>) {
+        let later = self.ahead.split_off(self.ahead.len().min(N_LOOKED_AT));
+        let mut before = *from;
+        for next in std::mem::take(&mut self.ahead) {
+            let place = next.place.coords;
+            if self.free_space.clearance().is_way_clear(&before, &place) {
+                self.ahead.push_back(next);
+                before = place;
+            } else if let Some(corners) = self.way(&before, &place) {
+                let corner = |place| Waypoint { place: Point::from_coords(place), ..next };
+                self.ahead.extend(corners.into_iter().map(corner));
+                before = place;
+            }
+        }
+        self.ahead.extend(later);
+    }
+
+    /// What the newest plan expects.
+    #[cfg(test)]
+    pub(super) const fn prediction(&self) -> Option<Prediction> {
+        self.prediction
+    }
+}
+
+/// Variance of the volume that no flight changes: calibration, markers, base.
+fn constant_var_m6(account: &VolumeAccount) -> f64 {
+    let flown =
+        [BudgetSource::Prior, BudgetSource::BeamNoise, BudgetSource::Roughness, BudgetSource::Pose];
+    account
+        .budget
+        .rows
+        .iter()
+        .filter(|row| !flown.contains(&row.source))
+        .map(|row| row.var_m6)
+        .sum()
+}

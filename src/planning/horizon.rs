@@ -1,0 +1,115 @@
+//! Looks at whole paths: the shortest that makes the volume sure enough, or the one that makes it
+//! surest within the length that may be flown.
+//!
+//! ```text
+//! cost = L + Λ max(0, ln(σ^V/σ_target))        L: metres at cruise, waiting for a turn included
+//! ```
+//! Λ is the length that halving... one e-fold of σ^V is worth; with a gain per metre below 1/Λ more
+//! flying is not worth while. Every path is scored by the σ^V that it would leave on a coarse lattice
+//! ([`crate::mapping::belief`]), the fix quality on the way included.
+//!
+//! Seeds are square waves of many spacings, directions, margins and corners ([`seeds`]) and the rest of
+//! the present plan; the best go through a local search over their waypoints ([`search`]). Volume
+//! variance is not submodular, so looking one step ahead has no guarantee, and measures worst.
+
+mod path;
+mod scene;
+mod search;
+mod seeds;
+
+use super::Waypoint;
+use super::planner::{Plan, PlanEnd, PlanRequest, Planner, Prediction};
+use path::Path;
+use scene::Scene;
+
+/// Plans whole paths.
+#[derive(Debug, Clone, Copy)]
+pub struct Horizon;
+
+/// Paths that are looked at when there is no plan yet.
+const N_FRESH: usize = 400;
+/// Paths that are looked at to better the present plan.
+const N_AGAIN: usize = 150;
+
+impl Planner for Horizon {
+    fn plan(&self, request: &PlanRequest) -> Plan {
+        let Some(mut scene) = Scene::new(request) else {
+            return Plan::nothing(PlanEnd::NothingFree);
+        };
+        let sigma_now_m3 = scene.sigma_now_m3();
+        if scene.target_m3().is_some_and(|target_m3| sigma_now_m3 <= target_m3) {
+            return scene.finished(PlanEnd::Target, sigma_now_m3);
+        }
+        let is_first = request.current.is_empty() && request.accounted.is_none();
+        let best = if is_first {
+            let starts = seeds::best_of_all(&mut scene);
+            search::improve(&mut scene, starts, N_FRESH)
+        } else {
+            let starts = seeds::around_present(&mut scene, &request.current);
+            search::improve(&mut scene, starts, N_AGAIN)
+        };
+        let Some(best) = best else {
+            let is_out_of_reach = request.longest_m.is_finite();
+            return Plan::nothing(if is_out_of_reach {
+                PlanEnd::Budget
+            } else {
+                PlanEnd::NothingFree
+            });
+        };
+        scene.plan(&best, sigma_now_m3)
+    }
+}
+
+/// The corners of the square wave with the spacing, direction, margins and corner that score best,
+/// cut where the target is reached; `None` if none is free.
+#[must_use]
+pub fn best_square_wave(request: &PlanRequest) -> Option<(Vec<Waypoint>, Prediction)> {
+    let mut scene = Scene::new(request)?;
+    let sigma_now_m3 = scene.sigma_now_m3();
+    let best = seeds::best_square_wave(&mut scene)?;
+    let prediction =
+        Prediction { sigma_now_m3, sigma_end_m3: best.sigma_m3, length_m: best.length_m };
+    Some((best.waypoints, prediction))
+}
+
+impl Scene<'_> {
+    fn finished(&self, end: PlanEnd, sigma_m3: f64) -> Plan {
+        let prediction =
+            Prediction { sigma_now_m3: sigma_m3, sigma_end_m3: sigma_m3, length_m: 0.0 };
+        Plan { waypoints: Vec::new(), end, prediction: Some(prediction) }
+    }
+
+    /// The path as waypoints that lie no further apart than a step.
+    fn plan(&self, best: &Path, sigma_now_m3: f64) -> Plan {
+        let gain = (sigma_now_m3 / best.sigma_m3).ln();
+        let reaches = self.target_m3().is_some_and(|target_m3| best.sigma_m3 <= target_m3);
+        if !reaches && gain < best.cost_m / scene::METRES_PER_E_FOLD {
+            return self.finished(PlanEnd::SmallGain, sigma_now_m3);
+        }
+        let step_m = self.request.settings.step_radius_m;
+        let mut waypoints: Vec<Waypoint> = Vec::new();
+        let mut from = self.start;
+        for to in &best.waypoints {
+            let n_parts = (from.distance_m(to) / step_m - 1e-9).ceil().max(1.0);
+            let mut k = 1.0;
+            while k <= n_parts {
+                waypoints.push(from.towards(to, k / n_parts));
+                k += 1.0;
+            }
+            from = *to;
+        }
+        let is_cut = waypoints.len() > self.request.n_waypoints;
+        waypoints.truncate(self.request.n_waypoints);
+        let end = match (reaches, is_cut) {
+            (_, true) => PlanEnd::Budget,
+            (true, false) => PlanEnd::Target,
+            (false, false) => PlanEnd::Open,
+        };
+        let prediction =
+            Prediction { sigma_now_m3, sigma_end_m3: best.sigma_m3, length_m: best.length_m };
+        Plan { waypoints, end, prediction: Some(prediction) }
+    }
+}
+
+#[cfg(test)]
+mod tests;

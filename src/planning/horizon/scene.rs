@@ -1,0 +1,211 @@
+//! What stays the same while paths are compared: the map, the free space, the target.
+
+use super::path::Path;
+use crate::mapping::KnownHeights;
+use crate::mapping::belief::{CoarseField, Sightings};
+use crate::planning::Waypoint;
+use crate::planning::planner::{Belief, PlanRequest};
+use crate::planning::sight::Sight;
+use crate::planning::way::way;
+use crate::units::wrapped_rad;
+use std::sync::Arc;
+
+/// Λ: metres that one e-fold of σ^V is worth.
+pub(super) const METRES_PER_E_FOLD: f64 = 150.0;
+/// The plan aims this far below the target, for predictions are not exact.
+const AIM_SHARE: f64 = 0.95;
+/// σ^V of accounts over that of the coarse lattice before there is an account.
+const USUAL_SCALE: f64 = 1.15;
+/// Turning costs a little even where it takes no time, m/rad: of equal paths the calmer one.
+const TURN_COST_M: f64 = 0.05;
+/// A waypoint costs a little, m.
+const WAYPOINT_COST_M: f64 = 0.05;
+
+/// The request with what follows from it.
+pub(super) struct Scene<'a> {
+    pub(super) request: &'a PlanRequest,
+    field: &'a CoarseField,
+    sight: Sight,
+    heights: Option<KnownHeights>,
+    /// The map, and what will be seen on the way along the pending waypoints.
+    known: Sightings,
+    seen_var_m6: f64,
+    /// σ^V of the account over that of the coarse lattice for the same data.
+    scale: f64,
+    /// Where the plan begins.
+    pub(super) start: Waypoint,
+    /// Paths looked at.
+    pub(super) n_looked_at: usize,
+}
+
+impl<'a> Scene<'a> {
+    /// None if the request has no place to start from, no field, or a field that cannot be solved.
+    pub(super) fn new(request: &'a PlanRequest) -> Option<Self> {
+        let Belief::Field { field, surface } = &request.belief else { return None };
+        let start = *request.pending.last()?;
+        let settings = &request.settings;
+        let drop_m = settings.height_m - settings.nominal_height_m;
+        let sight = Sight::new(
+            &request.lidar,
+            drop_m,
+            settings.nominal_height_m,
+            settings.slope_sigma,
+            settings.fix_var_share,
+        );
+        let heights = settings.sees_shadows.then(|| surface.known_heights()).flatten();
+        let mut known = field.seen(surface, None);
+        let seen_var_m6 = field.volume_var(&[&known]).ok()?.total_m6();
+        let scale = request.accounted.map_or(USUAL_SCALE, |account| {
+            let then = field.volume_var(&[&field.seen(surface, Some(account.at))]);
+            let flown_m6 = account.sigma_m3.powi(2) - request.constant_var_m6;
+            let scale = then.map(|then| (flown_m6 / then.total_m6()).sqrt());
+            scale.ok().filter(|s| s.is_finite()).map_or(USUAL_SCALE, |s| s.clamp(0.8, 2.0))
+        });
+        for pair in request.pending.windows(2) {
+            let leg =
+                sight.on_way(field, &request.free_space, heights.as_ref(), (&pair[0], &pair[1]));
+            known.info.merge(&leg.info).ok()?;
+            known.windows.extend(leg.windows);
+        }
+        Some(Self {
+            request,
+            field,
+            sight,
+            heights,
+            known,
+            seen_var_m6,
+            scale,
+            start,
+            n_looked_at: 0,
+        })
+    }
+
+    /// σ^V of what is seen already, m³.
+    pub(super) fn sigma_now_m3(&self) -> f64 {
+        self.sigma_of_m3(self.seen_var_m6)
+    }
+
+    /// σ^V to reach, m³.
+    pub(super) fn target_m3(&self) -> Option<f64> {
+        self.request.settings.target_ratio.map(|ratio| ratio * self.request.volume_m3.abs())
+    }
+
+    /// What a leg costs in metres at cruise: a turn that takes longer than the way is waited for.
+    fn leg_cost_m(&self, from: &Waypoint, to: &Waypoint) -> f64 {
+        let turn_rad = wrapped_rad(to.yaw_rad - from.yaw_rad).abs();
+        let settings = &self.request.settings;
+        let turn_m = settings.limits.speed_mps * turn_rad / settings.limits.yaw_rate_radps;
+        from.distance_m(to).max(turn_m) + TURN_COST_M * turn_rad + WAYPOINT_COST_M
+    }
+
+    /// True if one may fly straight from one to the other.
+    pub(super) fn is_open(&self, from: &Waypoint, to: &Waypoint) -> bool {
+        self.request.free_space.is_free(to) && self.request.free_space.is_way_free(from, to)
+    }
+
+    /// The waypoints with ways around what stands between them; those that cannot be reached are left
+    /// out.
+    pub(super) fn joined(&self, waypoints: &[Waypoint]) -> Vec<Waypoint> {
+        let mut joined = Vec::with_capacity(waypoints.len());
+        let mut from = self.start;
+        for to in waypoints.iter().filter(|to| self.request.free_space.is_free(to)) {
+            if self.request.free_space.is_way_free(&from, to) {
+                joined.push(*to);
+            } else if let Some(corners) = way(&self.request.free_space, &from, to) {
+                joined.extend(corners);
+            } else {
+                continue;
+            }
+            from = *to;
+        }
+        joined
+    }
+
+    /// Metres from a waypoint to where the way home ends; ways around are not looked for.
+    pub(super) fn way_home_m(&self, from: &Waypoint) -> f64 {
+        self.request.over_home.map_or(0.0, |home| (home - from.place).coords.norm())
+    }
+
+    /// What would be seen on a leg.
+    pub(super) fn look(&self, from: &Waypoint, to: &Waypoint) -> Arc<Sightings> {
+        let free_space = &self.request.free_space;
+        Arc::new(self.sight.on_way(self.field, free_space, self.heights.as_ref(), (from, to)))
+    }
+
+    /// The path of these waypoints; legs that it shares with `like` are taken from there. None if it
+    /// leaves the free space or is too long.
+    pub(super) fn path(&mut self, waypoints: Vec<Waypoint>, like: Option<&Path>) -> Option<Path> {
+        let length_m = self.length_m(&waypoints);
+        let last = waypoints.last()?;
+        if length_m + self.way_home_m(last) > self.request.longest_m {
+            return None;
+        }
+        let mut from = self.start;
+        let mut legs = Vec::with_capacity(waypoints.len());
+        for to in &waypoints {
+            let known = like.and_then(|like| self.same_leg(like, &from, to));
+            if known.is_none() && !self.is_open(&from, to) {
+                return None;
+            }
+            legs.push(known.unwrap_or_else(|| self.look(&from, to)));
+            from = *to;
+        }
+        let sigma_m3 = self.sigma_m3(&legs)?;
+        let cost_m = self.cost_m(&waypoints);
+        let score = self.score(cost_m, sigma_m3);
+        Some(Path { waypoints, legs, length_m, cost_m, sigma_m3, score })
+    }
+
+    fn same_leg(&self, like: &Path, from: &Waypoint, to: &Waypoint) -> Option<Arc<Sightings>> {
+        let mut before = &self.start;
+        for (waypoint, leg) in std::iter::zip(&like.waypoints, &like.legs) {
+            if before == from && waypoint == to {
+                return Some(Arc::clone(leg));
+            }
+            before = waypoint;
+        }
+        None
+    }
+
+    /// σ^V after the pending waypoints and these legs, m³.
+    pub(super) fn sigma_m3(&mut self, legs: &[Arc<Sightings>]) -> Option<f64> {
+        self.n_looked_at += 1;
+        let parts: Vec<&Sightings> =
+            std::iter::once(&self.known).chain(legs.iter().map(Arc::as_ref)).collect();
+        let var = self.field.volume_var(&parts).ok()?;
+        Some(self.sigma_of_m3(var.total_m6()))
+    }
+
+    /// σ^V as an account would have it.
+    fn sigma_of_m3(&self, var_m6: f64) -> f64 {
+        (var_m6 * self.scale.powi(2) + self.request.constant_var_m6).sqrt()
+    }
+
+    pub(super) fn length_m(&self, waypoints: &[Waypoint]) -> f64 {
+        self.sum_of_legs(waypoints, |from, to| from.distance_m(to))
+    }
+
+    pub(super) fn cost_m(&self, waypoints: &[Waypoint]) -> f64 {
+        self.sum_of_legs(waypoints, |from, to| self.leg_cost_m(from, to))
+    }
+
+    fn sum_of_legs(
+        &self,
+        waypoints: &[Waypoint],
+        of_leg: impl Fn(&Waypoint, &Waypoint) -> f64,
+    ) -> f64 {
+        let before = std::iter::once(&self.start).chain(waypoints);
+        std::iter::zip(before, waypoints).map(|(from, to)| of_leg(from, to)).sum()
+    }
+
+    /// What the search makes small, m.
+    pub(super) fn score(&self, cost_m: f64, sigma_m3: f64) -> f64 {
+        let aim_m3 = self.target_m3().map_or(1e-3, |target_m3| AIM_SHARE * target_m3);
+        cost_m + METRES_PER_E_FOLD * (sigma_m3 / aim_m3).ln().max(0.0)
+    }
+
+    /// True if the path reaches what is aimed at.
+    pub(super) fn is_enough(&self, sigma_m3: f64) -> bool {
+        self.target_m3().is_some_and(|target_m3| sigma_m3 <= AIM_SHARE * target_m3)
+    }
+}

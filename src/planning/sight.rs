@@ -1,0 +1,230 @@
+//! What scans on a way that is only thought of would see.
+//!
+//! ```text
+//!        ┌─ scan plane, level body
+//!   ─────●───── flight          every ray stands for the ground between it and its neighbour,
+//!      ╱ │ ╲                    swept from one scan to the next:  dA = |Δp × u| dg
+//!    ╱   │   ╲
+//!  ━━━━━━━━━━━━━ h0
+//! ```
+//! - `dg`: distance of neighbouring rays on the ground, m; `u`: direction of the scan line there
+//! - `Δp`: shift of the ray's end since the scan before, by flight and by turning, m
+//!
+//! Without a map the surface is flat at the nominal height, and a share of the rays ends on a nearer
+//! slope. For slopes of Gaussian height with rms slope w, under a ray that falls by μ per metre:
+//!
+//! ```text
+//! p = (1 − ½ erfc v)/(1 + Λ),   v = μ/(√2 w),   Λ = ½ (exp(−v²)/(√π v) − erfc v)
+//! ```
+//! Source: Smith 1967, eq. (21) and (24). Checked: `shadowing_matches_the_published_curve`.
+
+use super::Waypoint;
+use super::free_space::FreeSpace;
+use super::height_view::seen_ratio;
+use crate::mapping::KnownHeights;
+use crate::mapping::belief::{CoarseField, Sightings, height_and_tilt_cov};
+use crate::mapping::projection::LidarMount;
+use crate::units::wrapped_rad;
+use nalgebra::{Matrix3, Vector2, Vector3};
+
+/// Neighbouring rays are this far apart on the ground under the flight, m.
+const RAY_SPACING_M: f64 = 0.7;
+/// Scans are thought of this often along a way, m, and at this angle when turning, rad.
+const SCAN_SPACING_M: f64 = 0.6;
+const TURN_SPACING_RAD: f64 = 0.12;
+/// The pose's error stays the same over this much of a way, m.
+const WINDOW_M: f64 = 2.0;
+/// A scan line covers at least this much of the ground across itself, m.
+const LEAST_SWEEP_M: f64 = 0.02;
+/// Rays flatter than this see nothing that can be counted on: fall per metre of ground.
+const LEAST_FALL: f64 = 0.3;
+
+/// The rays of a scan, and what they are worth.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sight {
+    rays: Vec<Ray>,
+    /// Where they start in body axes, m.
+    origin_m: Vector3<f64>,
+    /// Level of the flat surface, m.
+    nominal_height_m: f64,
+    min_range_m: f64,
+    max_range_m: f64,
+    /// Variance of the filter's pose over that of one fix.
+    fix_var_share: f64,
+}
+
+/// One ray of the scan, per metre that it falls.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Ray {
+    /// Where it goes in body axes, no unit.
+    ahead: Vector2<f64>,
+    /// Its length, no unit.
+    length: f64,
+    /// Ground between neighbouring rays, no unit.
+    ground: f64,
+    /// Direction of the scan line on the ground in body axes.
+    line: Vector2<f64>,
+    /// Share of flat ground at the end that is seen.
+    seen_ratio: f64,
+}
+
+impl Sight {
+    /// The rays of this LiDAR on a level body.
+    #[must_use]
+    pub fn new(
+        lidar: &LidarMount,
+        nominal_drop_m: f64,
+        nominal_height_m: f64,
+        slope_sigma: f64,
+        fix_var_share: f64,
+    ) -> Self {
+        let spacing = RAY_SPACING_M / nominal_drop_m.max(0.5);
+        Self {
+            rays: rays(lidar, spacing, slope_sigma),
+            origin_m: lidar.body_from_lidar.origin.coords,
+            nominal_height_m,
+            min_range_m: lidar.min_range_m,
+            max_range_m: lidar.max_range_m,
+            fix_var_share,
+        }
+    }
+
+    /// What a vehicle sees on its way from one waypoint to the next; nothing where it would not know
+    /// where it is.
+    #[must_use]
+    pub fn on_way(
+        &self,
+        field: &CoarseField,
+        free_space: &FreeSpace,
+        heights: Option<&KnownHeights>,
+        (from, to): (&Waypoint, &Waypoint),
+    ) -> Sightings {
+        let mut seen = field.nothing_seen();
+        let turn_rad = wrapped_rad(to.yaw_rad - from.yaw_rad);
+        let way_m = from.distance_m(to);
+        let n_scans =
+            (way_m / SCAN_SPACING_M).max(turn_rad.abs() / TURN_SPACING_RAD).ceil().max(1.0);
+        let windows_per_scan = (way_m / WINDOW_M).ceil().max(1.0) / n_scans;
+        let mut before = self.ends(from);
+        let (mut k, mut n_windows) = (1.0, 0.0);
+        while k <= n_scans {
+            let share = k / n_scans;
+            let at = from.towards(to, share);
+            let now = self.ends(&at);
+            let is_new_window = n_windows <= (k - 1.0) * windows_per_scan;
+            let fix_cov = free_space.fix_cov(&at);
+            if let (true, Some(cov)) = (is_new_window, &fix_cov) {
+                let rotation = at.level_pose().rotation.matrix();
+                let cov = height_and_tilt_cov(&(cov * self.fix_var_share), &rotation);
+                seen.windows.push(field.window(&cov));
+                n_windows += 1.0;
+            }
+            if fix_cov.is_some() && !seen.windows.is_empty() {
+                self.add_scan(&mut seen, field, heights, (&before, &now), &at);
+            }
+            before = now;
+            k += 1.0;
+        }
+        seen
+    }
+
+    /// Where the rays of a scan end on the flat surface, x and y, m.
+    fn ends(&self, at: &Waypoint) -> ScanLine {
+        let (sin, cos) = at.yaw_rad.sin_cos();
+        let turn = (sin, cos);
+        let arm = turned(&self.origin_m.xy(), turn);
+        let origin = at.place.coords + Vector3::new(arm.x, arm.y, self.origin_m.z);
+        let drop_m = (origin.z - self.nominal_height_m).max(0.0);
+        let end = |ray: &Ray| origin.xy() + turned(&ray.ahead, turn) * drop_m;
+        let ends = self.rays.iter().map(end).collect();
+        ScanLine { origin, drop_m, turn, ends }
+    }
+
+    fn add_scan(
+        &self,
+        seen: &mut Sightings,
+        field: &CoarseField,
+        heights: Option<&KnownHeights>,
+        (before, now): (&ScanLine, &ScanLine),
+        at: &Waypoint,
+    ) {
+        let info_per_area = field.info_per_area();
+        for (i, ray) in self.rays.iter().enumerate() {
+            let range_m = ray.length * now.drop_m;
+            if !(self.min_range_m..=self.max_range_m).contains(&range_m) {
+                continue;
+            }
+            let end = now.ends[i];
+            let Some(row) = field.lattice().row_at(end.x, end.y) else { continue };
+            let line = turned(&ray.line, now.turn);
+            let shift = end - before.ends[i];
+            let sweep_m = (shift.x * line.y - shift.y * line.x).abs().max(LEAST_SWEEP_M);
+            let area_m2 = sweep_m * ray.ground * now.drop_m;
+            let share = heights.map_or(ray.seen_ratio, |heights| {
+                seen_ratio(heights, &now.origin, &end, ray.seen_ratio)
+            });
+            let arm = end - at.place.coords.xy();
+            seen.add(&row, info_per_area * area_m2 * share, (arm.x, arm.y));
+        }
+    }
+}
+
+/// A vector of the body in the axes of the hall.
+fn turned(v: &Vector2<f64>, (sin, cos): (f64, f64)) -> Vector2<f64> {
+    Vector2::new(cos * v.x - sin * v.y, sin * v.x + cos * v.y)
+}
+
+/// One scan on the flat surface.
+struct ScanLine {
+    origin: Vector3<f64>,
+    drop_m: f64,
+    /// sin and cos of the heading.
+    turn: (f64, f64),
+    ends: Vec<Vector2<f64>>,
+}
+
+/// The rays at equal distances on level ground, both ways from straight down.
+fn rays(lidar: &LidarMount, spacing: f64, slope_sigma: f64) -> Vec<Ray> {
+    const FINE_RAD: f64 = 0.002;
+    let axes: Matrix3<f64> = lidar.body_from_lidar.rotation.matrix();
+    let end = |angle_rad: f64| {
+        let along = axes * Vector3::new(angle_rad.cos(), angle_rad.sin(), 0.0);
+        let fall = -along.z;
+        let ground = along.xy().norm();
+        (fall > LEAST_FALL * ground && fall > 0.0 && !lidar.is_blind(angle_rad))
+            .then(|| (along.xy() / fall, 1.0 / fall))
+    };
+    let mut rays = Vec::new();
+    let mut last: Option<Vector2<f64>> = None;
+    let mut angle_rad = -std::f64::consts::PI;
+    while angle_rad < std::f64::consts::PI {
+        if let Some((ahead, length)) = end(angle_rad) {
+            let step = last.map_or(spacing, |last| (ahead - last).norm());
+            if step >= spacing {
+                let next = end(angle_rad + FINE_RAD).map_or(ahead, |(next, _)| next);
+                let line = (next - ahead).try_normalize(1e-12).unwrap_or_else(Vector2::zeros);
+                let fall = 1.0 / ahead.norm().max(1e-6);
+                let ground = step.min(2.0 * spacing);
+                let seen_ratio = shadowing(fall, slope_sigma);
+                rays.push(Ray { ahead, length, ground, line, seen_ratio });
+                last = Some(ahead);
+            }
+        } else {
+            last = None;
+        }
+        angle_rad += FINE_RAD;
+    }
+    rays
+}
+
+/// Share of a rough surface that a ray sees: it falls by `fall` per metre of ground.
+#[must_use]
+pub fn shadowing(fall: f64, slope_sigma: f64) -> f64 {
+    if slope_sigma <= 0.0 {
+        return 1.0;
+    }
+    let v = fall / (std::f64::consts::SQRT_2 * slope_sigma);
+    let tail = libm::erfc(v);
+    let lambda = 0.5 * ((-v * v).exp() / (std::f64::consts::PI.sqrt() * v) - tail);
+    (1.0 - 0.5 * tail) / (1.0 + lambda.max(0.0))
+}
