@@ -164,14 +164,14 @@ impl TagHealth {
 /// What the state believes of the pose that each tag sees.
 enum Prior {
     /// The same pose: the tags hang where the map says.
-    Exact(PosePrior),
+    Exact(Box<PosePrior>),
     /// Each its own: they may hang beside it.
-    Placed(JointPrior),
+    Placed(Box<JointPrior>),
 }
 
 /// The same with what the tags of a frame say.
 enum Court<'a> {
-    Exact(&'a PosePrior, Information),
+    Exact(&'a PosePrior, Box<Information>),
     Placed {
         posterior: Box<JointPosterior<'a>>,
         /// What the residuals of each tag leave at its own pose.
@@ -196,11 +196,11 @@ impl Prior {
     ) -> Option<Self> {
         let (motion, sigma_s) = (view.motion(), frame.capture_sigma_s);
         let Some(errors) = &state.places else {
-            return PosePrior::new(state, &motion, sigma_s).map(Self::Exact);
+            return PosePrior::new(state, &motion, sigma_s).map(Box::new).map(Self::Exact);
         };
         let place_of = |tag: &TagPoints| Some(frame.points.get(tag.range.start)?.place_idx);
         let places = tags.iter().map(place_of).collect::<Option<Vec<_>>>()?;
-        JointPrior::new(state, errors, &motion, sigma_s, places).map(Self::Placed)
+        JointPrior::new(state, errors, &motion, sigma_s, places).map(Box::new).map(Self::Placed)
     }
 
     /// What the points of the k-th tag say that pass their gates against the state.
@@ -226,7 +226,7 @@ impl Prior {
 
     fn court(&self, said: &[Information], all: Information) -> Option<Court<'_>> {
         Some(match self {
-            Self::Exact(prior) => Court::Exact(prior, all),
+            Self::Exact(prior) => Court::Exact(prior, Box::new(all)),
             Self::Placed(prior) => {
                 let posterior = Box::new(prior.posterior(said)?);
                 let left =

@@ -83,6 +83,9 @@ struct OnGrid {
 /// A pose with the covariance of its error.
 pub type PoseWithCov = (Transform<Hall, Body>, Matrix6<f64>);
 
+/// The error of the pose at the middle of a turn, and that pose.
+type SharedByTurn = (PoseError, Transform<Hall, Body>);
+
 /// Padding of the field around the region, in practical ranges.
 const PADDING_RANGES: f64 = 1.0;
 
@@ -151,7 +154,7 @@ impl Mapper {
         middle: Stamp<Mono>,
         pose_at: impl Fn(Stamp<Mono>) -> Option<PoseWithCov>,
         error_at: impl Fn(Stamp<Mono>, Option<Stamp<Mono>>) -> Option<PoseError>,
-    ) -> Result<Option<(PoseError, Transform<Hall, Body>)>, Fate> {
+    ) -> Result<Option<SharedByTurn>, Fate> {
         let Some(field) = &self.field else { return Ok(None) };
         let error = error_at(middle, field.newest_turn_at()).ok_or(Fate::NoPose)?;
         let (hall_from_body, _) = pose_at(middle).ok_or(Fate::NoPose)?;

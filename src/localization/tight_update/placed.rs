@@ -9,7 +9,7 @@
 //! η_t = Λ_t d_t + noise,   noise ~ N(0, Λ_t)
 //! ```
 //! - `c`: shift of the pose as in the module above; `S = [I₃; 0]`, `H = [I₆ 0]`
-//! - `E_t`: what τ_t did to the state's error so far, 15×3 (see `place_errors`)
+//! - `E_t`: what `τ_t` did to the state's error so far, 15×3 (see `place_errors`)
 //!
 //! With the prior's factor `y = L z` and `W_t = B_t L` the unknowns are found from one positive
 //! definite matrix without an eigenvalue below 1, and the state follows them:
@@ -41,7 +41,7 @@ fn groups(frame: &Frame) -> Vec<&[Sighting]> {
 pub(in crate::localization) struct JointPrior {
     places: Vec<usize>,
     sigma_m: f64,
-    /// `B_0 L` with the τ_t of no place taken off, 6×m.
+    /// `B_0 L` with the `τ_t` of no place taken off, 6×m.
     W: DMatrix<f64>,
     /// `C`, 15×m.
     C: DMatrix<f64>,
@@ -207,12 +207,12 @@ fn settle<'a>(frame: &Frame, view: &Viewpoint, prior: &'a JointPrior) -> Option<
     let mut posterior = prior.posterior(&said)?;
     for _ in 1..MAX_PASSES {
         let next = posterior.views();
-        let steps = next.iter().zip(&d).map(|(next, d)| next - d);
+        let mut steps = next.iter().zip(&d).map(|(next, d)| next - d);
         let is_small = |step: Vector6<f64>| {
             step.fixed_rows::<3>(0).norm() < SETTLED_M
                 && step.fixed_rows::<3>(3).norm() < SETTLED_RAD
         };
-        let is_settled = steps.fold(true, |all, step| all && is_small(step));
+        let is_settled = steps.all(is_small);
         let n_points = |said: &[Information]| said.iter().map(|one| one.n_points).sum::<usize>();
         let n_before = n_points(&said);
         said = groups
