@@ -71,7 +71,7 @@ struct MergeArgs {
     /// Write the merged survey as a log; the file must not exist.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Every log is of a vehicle of its own. Else equal LiDARs that are mounted alike are one.
+    /// Every log is of a vehicle of its own. Else logs with the same LiDAR, mounted alike, are of one.
     #[arg(long)]
     separate_vehicles: bool,
     /// All flights of each log, not its last one only; the material must not have moved in between.
