@@ -17,7 +17,7 @@ use stockpilot::messages::{GridGeometry, TagFamily};
 use stockpilot::planning::free_space::FreeSpace;
 use stockpilot::planning::greedy::ChooseWaypoint;
 use stockpilot::planning::trajectory::{Knot, Limits, Segment};
-use stockpilot::planning::{PlannerKind, Settings};
+use stockpilot::planning::{PlannerKind, Settings, Waypoint};
 use stockpilot::time::Stamp;
 
 fn settings() -> Settings {
@@ -70,7 +70,7 @@ fn camera() -> CameraModel {
 fn greedy_choice(c: &mut Criterion) {
     let settings = settings();
     let free_space = FreeSpace::evaluate(&settings, &[camera()], &marker_map(), 0.5);
-    let from = Point::new(10.0, 10.0, 7.0);
+    let from = Waypoint { place: Point::new(10.0, 10.0, 7.0), yaw_rad: 0.0 };
     let geometry =
         GridGeometry { x_min_m: 0.0, y_min_m: 0.0, cell_m: 0.25, n_cols: 80, n_rows: 80 };
     let choice = ChooseWaypoint {
@@ -92,7 +92,7 @@ fn greedy_choice(c: &mut Criterion) {
         settings,
     };
     let chosen = choice.run().expect("a waypoint");
-    let step_m = (chosen - from).coords.norm();
+    let step_m = chosen.distance_m(&from);
     assert!((0.5..=2.0 + 1e-6).contains(&step_m), "{step_m} m");
     let mut group = c.benchmark_group("greedy");
     group.sample_size(10);

@@ -18,6 +18,7 @@ mod route;
 pub use event::{Action, Event, FlightSummary, JobId, PhaseChange, VolumeReport};
 pub use job::{Job, JobOutput};
 
+use crate::geometry::{Hall, Point};
 use crate::localization::{self, Health, Localizer};
 use crate::mapping::{self, Mapper, SolveError, SolvedSurface};
 use crate::messages::{
@@ -87,7 +88,7 @@ pub struct Pilot {
     accounts: Vec<VolumeAccount>,
     last_report_at: Stamp<Mono>,
     /// Where the flight began; the return leads here.
-    home: Option<Waypoint>,
+    home: Option<Point<Hall>>,
     flown: FlownPath,
     /// Landed, waiting for the last solve.
     ending: Option<Ending>,
@@ -359,7 +360,7 @@ impl Pilot {
     }
 
     /// The place over `place` at the height of the flight.
-    fn above(&self, place: &Waypoint) -> Vector3<f64> {
+    fn above(&self, place: &Point<Hall>) -> Vector3<f64> {
         Vector3::new(place.coords.x, place.coords.y, self.route.settings().height_m)
     }
 
@@ -450,7 +451,10 @@ impl Pilot {
             return;
         }
         let Some(knot) = self.route.knot_at(self.now) else { return };
-        let from = Waypoint::from_coords(knot.position);
+        let from = Waypoint {
+            place: Point::from_coords(knot.position),
+            yaw_rad: self.route.settings().yaw_rad,
+        };
         let lidar = &self.settings.mapping.lidar;
         if let Some(choice) = self.route.choice_due(&from, &self.mapper, lidar) {
             let id = self.new_job_id();

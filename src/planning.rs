@@ -8,7 +8,7 @@ pub mod greedy;
 pub mod square_wave;
 pub mod trajectory;
 
-use crate::geometry::{Hall, Point};
+use crate::geometry::{Body, Hall, Point, Rotation, Transform};
 use crate::mapping::region::Rect;
 
 /// Who chooses the waypoints.
@@ -50,5 +50,25 @@ pub struct Settings {
     pub limits: trajectory::Limits,
 }
 
-/// A place to fly to.
-pub type Waypoint = Point<Hall>;
+/// A place to fly to, and the heading there.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Waypoint {
+    /// Where.
+    pub place: Point<Hall>,
+    /// Heading of the body, rad.
+    pub yaw_rad: f64,
+}
+
+impl Waypoint {
+    /// Distance to another place, m; the heading does not count.
+    #[must_use]
+    pub fn distance_m(&self, other: &Self) -> f64 {
+        (self.place - other.place).coords.norm()
+    }
+
+    /// The pose of a level body there.
+    #[must_use]
+    pub fn level_pose(&self) -> Transform<Hall, Body> {
+        Transform::new(Rotation::from_euler_rad(0.0, 0.0, self.yaw_rad), self.place)
+    }
+}

@@ -30,7 +30,7 @@ pub(super) struct Route {
     /// Where to go off the survey.
     destination: Option<Vector3<f64>>,
     /// Places on the way there, once it is under way.
-    transit: VecDeque<Waypoint>,
+    transit: VecDeque<Vector3<f64>>,
     segment: Option<Segment>,
     track: Track,
 }
@@ -185,16 +185,15 @@ impl Route {
 
     /// Begins the piece to the first place of a track; false if there is none within the limits.
     fn fly(&mut self, track: Track, at: Stamp<Mono>, from: Option<Knot>) -> bool {
-        let places = match track {
+        let places: Vec<Vector3<f64>> = match track {
             Track::Stop => return false,
-            Track::Survey => &self.ahead,
-            Track::Transit => &self.transit,
+            Track::Survey => self.ahead.iter().take(LOOK_AHEAD).map(|w| w.place.coords).collect(),
+            Track::Transit => self.transit.iter().take(LOOK_AHEAD).copied().collect(),
         };
-        let (Some(from), Some(first)) = (from, places.front()) else { return false };
-        let next_places = places.iter().take(LOOK_AHEAD).map(|w| w.coords);
-        let path: Vec<_> = std::iter::once(from.position).chain(next_places).collect();
+        let (Some(from), Some(&first)) = (from, places.first()) else { return false };
+        let path: Vec<_> = std::iter::once(from.position).chain(places).collect();
         let velocity = passing_velocity(from.velocity.norm(), &path, &self.settings.limits);
-        let to = Knot { position: first.coords, velocity, accel: Vector3::zeros() };
+        let to = Knot { position: first, velocity, accel: Vector3::zeros() };
         let Some(segment) = Segment::between(at, &from, &to, &self.settings.limits) else {
             return false;
         };
@@ -216,7 +215,7 @@ impl Route {
         let (Some(place), Some(from)) = (self.destination, self.knot_at(now)) else { return false };
         let n_pieces = ((place - from.position).norm() / TRANSIT_SPACING_M).ceil().max(1.0);
         self.transit = std::iter::successors(Some(1.0), |k| (*k < n_pieces).then_some(k + 1.0))
-            .map(|k| Waypoint::from_coords(from.position.lerp(&place, k / n_pieces)))
+            .map(|k| from.position.lerp(&place, k / n_pieces))
             .collect();
         self.fly(Track::Transit, now, Some(from))
     }

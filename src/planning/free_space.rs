@@ -7,7 +7,7 @@
 //! Source: Balula et al. 2023, section 3.
 
 use super::{Settings, Waypoint};
-use crate::geometry::{Body, Hall, Point, Rotation, Transform};
+use crate::geometry::{Body, Hall, Point, Transform};
 use crate::localization::camera_model::CameraModel;
 use crate::localization::marker_map::MarkerMap;
 use crate::localization::vision_fix::{predicted_cov, q_pos};
@@ -16,8 +16,8 @@ use nalgebra::{Matrix6, Vector2};
 /// One candidate place with what a fix from there would be worth.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Site {
-    /// Where.
-    pub place: Waypoint,
+    /// Where, and the heading there.
+    pub waypoint: Waypoint,
     /// Covariance of one fix from there, 6×6; `None` where a fix is not observable.
     pub fix_cov: Option<Matrix6<f64>>,
 }
@@ -66,10 +66,9 @@ impl FreeSpace {
         corner_sigma_px: f64,
     ) -> Self {
         let sites = lattice(settings)
-            .map(|place| {
-                let pose =
-                    Transform::new(Rotation::from_euler_rad(0.0, 0.0, settings.yaw_rad), place);
-                Site { place, fix_cov: fix_cov(cameras, map, &pose, corner_sigma_px) }
+            .map(|waypoint| {
+                let pose = waypoint.level_pose();
+                Site { waypoint, fix_cov: fix_cov(cameras, map, &pose, corner_sigma_px) }
             })
             .collect();
         Self { sites, min_quality: settings.min_fix_quality }
@@ -88,11 +87,30 @@ impl FreeSpace {
 
     /// The place of the lattice that is nearest to a point.
     #[must_use]
-    pub fn nearest(&self, place: &Waypoint) -> Option<&Site> {
-        let distance = |site: &&Site| (site.place - *place).coords.norm_squared();
-        self.sites.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))
+    pub fn nearest(&self, waypoint: &Waypoint) -> Option<&Site> {
+        let distance_m = |site: &&Site| site.waypoint.distance_m(waypoint);
+        self.sites.iter().min_by(|a, b| distance_m(a).total_cmp(&distance_m(b)))
+    }
+
+    /// True if the vehicle may be there and knows where it is.
+    #[must_use]
+    pub fn is_free(&self, waypoint: &Waypoint) -> bool {
+        self.nearest(waypoint).is_some_and(|site| self.is_feasible(site))
+    }
+
+    /// True if the straight way between two waypoints is free, looked at every `WAY_SPACING_M`.
+    #[must_use]
+    pub fn is_way_free(&self, from: &Waypoint, to: &Waypoint) -> bool {
+        let n_parts = (from.distance_m(to) / WAY_SPACING_M).ceil().max(1.0);
+        std::iter::successors(Some(0.0), |k| (*k < n_parts).then_some(k + 1.0)).all(|k| {
+            let coords = from.place.coords.lerp(&to.place.coords, k / n_parts);
+            self.is_free(&Waypoint { place: Point::from_coords(coords), ..*to })
+        })
     }
 }
+
+/// Ways are looked at this often, m.
+const WAY_SPACING_M: f64 = 0.25;
 
 /// Places at equal distance over the bounds, their border included.
 fn lattice(settings: &Settings) -> impl Iterator<Item = Waypoint> + '_ {
@@ -104,7 +122,10 @@ fn lattice(settings: &Settings) -> impl Iterator<Item = Waypoint> + '_ {
             .map(move |k| from_m + k * step_m)
     };
     axis(b.y_min_m, b.y_max_m).flat_map(move |y| {
-        axis(b.x_min_m, b.x_max_m).map(move |x| Point::new(x, y, settings.height_m))
+        axis(b.x_min_m, b.x_max_m).map(move |x| Waypoint {
+            place: Point::new(x, y, settings.height_m),
+            yaw_rad: settings.yaw_rad,
+        })
     })
 }
 

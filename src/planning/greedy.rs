@@ -11,7 +11,7 @@
 
 use super::free_space::{FreeSpace, Site};
 use super::{Settings, Waypoint};
-use crate::geometry::{Direction, Rotation, Transform};
+use crate::geometry::{Direction, Point};
 use crate::mapping::kalman_grid::KalmanGrid;
 use crate::mapping::projection::{LidarMount, project};
 use crate::messages::Beam;
@@ -56,29 +56,28 @@ impl ChooseWaypoint {
             .into_iter()
             .map(|site| {
                 let mut after = belief.clone();
-                self.observe_way(&mut after, &from, &site.place);
-                (self.volume_var(&after), site.place)
+                self.observe_way(&mut after, &from, &site.waypoint);
+                (self.volume_var(&after), site.waypoint)
             })
             .min_by(|a, b| a.0.total_cmp(&b.0))
-            .map(|(_, place)| place)
+            .map(|(_, waypoint)| waypoint)
     }
 
     /// Feasible places within R, the present one left out.
     fn candidates(&self, from: &Waypoint) -> Vec<&Site> {
         let radius_m = self.settings.step_radius_m + 1e-9;
         let nearest_m = 0.5 * self.settings.candidate_spacing_m;
-        let is_in_reach = |site: &&Site| {
-            let distance_m = (site.place - *from).coords.norm();
-            (nearest_m..=radius_m).contains(&distance_m)
-        };
+        let is_in_reach =
+            |site: &&Site| (nearest_m..=radius_m).contains(&site.waypoint.distance_m(from));
         self.free_space.feasible().filter(is_in_reach).collect()
     }
 
     /// The nearest feasible place, if the present one is outside of all.
     fn entrance(&self, from: &Waypoint) -> Vec<&Site> {
-        let distance = |site: &&Site| (site.place - *from).coords.norm_squared();
-        let nearest = self.free_space.feasible().min_by(|a, b| distance(a).total_cmp(&distance(b)));
-        nearest.into_iter().filter(|site| distance(site) > 1e-6).collect()
+        let distance_m = |site: &&Site| site.waypoint.distance_m(from);
+        let nearest =
+            self.free_space.feasible().min_by(|a, b| distance_m(a).total_cmp(&distance_m(b)));
+        nearest.into_iter().filter(|site| distance_m(site) > 1e-3).collect()
     }
 
     /// Σ A² σ² over the cells, the printed variance of the volume.
@@ -94,20 +93,20 @@ impl ChooseWaypoint {
         let Some(fix_cov) = self.free_space.nearest(b).and_then(|site| site.fix_cov) else {
             return;
         };
-        let way_m = (*b - *a).coords.norm();
+        let way_m = a.distance_m(b);
         let n_scans = (way_m / SCAN_SPACING_M).ceil().max(1.0);
         let mut k = 1.0;
         while k <= n_scans {
-            let place = Waypoint::from_coords(a.coords.lerp(&b.coords, k / n_scans));
-            self.observe_from(belief, &place, &fix_cov);
+            let coords = a.place.coords.lerp(&b.place.coords, k / n_scans);
+            let waypoint = Waypoint { place: Point::from_coords(coords), ..*b };
+            self.observe_from(belief, &waypoint, &fix_cov);
             k += 1.0;
         }
     }
 
     /// One predicted scan: the beams that meet the nominal surface inside the swath.
-    fn observe_from(&self, belief: &mut KalmanGrid, place: &Waypoint, fix_cov: &Matrix6<f64>) {
-        let pose =
-            Transform::new(Rotation::from_euler_rad(0.0, 0.0, self.settings.yaw_rad), *place);
+    fn observe_from(&self, belief: &mut KalmanGrid, from: &Waypoint, fix_cov: &Matrix6<f64>) {
+        let pose = from.level_pose();
         let sensor = pose * self.lidar.body_from_lidar;
         let drop_m = sensor.origin.coords.z - self.settings.nominal_height_m;
         let least_cos = self.settings.swath_half_angle_rad.cos();

@@ -15,15 +15,14 @@ use crate::geometry::Point;
 #[must_use]
 pub fn waypoints(settings: &Settings) -> Vec<Waypoint> {
     let corners = corners(settings);
-    let edges: Vec<f64> =
-        corners.windows(2).map(|pair| (pair[1] - pair[0]).coords.norm()).collect();
+    let edges: Vec<f64> = corners.windows(2).map(|pair| pair[0].distance_m(&pair[1])).collect();
     let steps = share_steps(&edges, settings.n_steps.saturating_sub(1));
     let mut waypoints: Vec<Waypoint> = corners.first().copied().into_iter().collect();
     for (pair, n) in corners.windows(2).zip(steps) {
         for k in 1..=n {
             let ratio = f64::from(k) / f64::from(n);
-            let place = pair[0].coords.lerp(&pair[1].coords, ratio);
-            waypoints.push(Point::from_coords(place));
+            let coords = pair[0].place.coords.lerp(&pair[1].place.coords, ratio);
+            waypoints.push(Waypoint { place: Point::from_coords(coords), ..pair[1] });
         }
     }
     waypoints
@@ -43,7 +42,10 @@ fn corners(settings: &Settings) -> Vec<Waypoint> {
         if corners.len() % 4 == 2 {
             ends.reverse();
         }
-        corners.extend(ends.map(|x| Point::new(x, y, settings.height_m)));
+        corners.extend(ends.map(|x| Waypoint {
+            place: Point::new(x, y, settings.height_m),
+            yaw_rad: settings.yaw_rad,
+        }));
     }
     corners
 }
@@ -101,17 +103,17 @@ mod tests {
         assert_eq!(waypoints.len(), 50);
         let ys: std::collections::BTreeSet<i64> = waypoints
             .iter()
-            .filter(|w| w.coords.x < 1e-9 || w.coords.x > 20.0 - 1e-9)
+            .filter(|w| w.place.coords.x < 1e-9 || w.place.coords.x > 20.0 - 1e-9)
             .map(|w| {
                 #[expect(clippy::cast_possible_truncation, reason = "test")]
-                let tenths = (w.coords.y * 10.0).round() as i64;
+                let tenths = (w.place.coords.y * 10.0).round() as i64;
                 tenths
             })
             .collect();
         // Legs at 2.5, 7.5, 12.5, 17.5 m.
         assert!([25, 75, 125, 175].iter().all(|y| ys.contains(y)));
         let longest =
-            waypoints.windows(2).map(|pair| (pair[1] - pair[0]).coords.norm()).fold(0.0, f64::max);
+            waypoints.windows(2).map(|pair| pair[0].distance_m(&pair[1])).fold(0.0, f64::max);
         // 95 m over 49 steps are 1.94 m; whole steps per edge stretch it a little.
         assert!(longest < 2.6, "longest step {longest} m");
     }
@@ -120,6 +122,6 @@ mod tests {
     fn one_narrow_hall_needs_one_leg() {
         let mut narrow = settings();
         narrow.bounds.y_max_m = 3.0;
-        assert!(waypoints(&narrow).iter().all(|w| (w.coords.y - 1.5).abs() < 1e-12));
+        assert!(waypoints(&narrow).iter().all(|w| (w.place.coords.y - 1.5).abs() < 1e-12));
     }
 }
