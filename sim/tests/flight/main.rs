@@ -3,6 +3,7 @@
 #![expect(clippy::expect_used, reason = "a helper of tests stops where its premise fails")]
 
 mod faults;
+mod paper;
 mod parallel;
 mod support;
 mod survey;
