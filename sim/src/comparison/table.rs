@@ -1,7 +1,6 @@
 //! A comparison for people.
 
 use super::{ComparedRun, Comparison};
-use std::fmt::Write;
 
 /// One line for each planner.
 pub(super) fn text(comparison: &Comparison) -> String {
@@ -25,10 +24,8 @@ pub(super) fn text(comparison: &Comparison) -> String {
     );
     for (name, planner) in &comparison.planners {
         let reached = format!("{}/{}", planner.n_reached, planner.n_runs);
-        // Writing into a text cannot fail.
-        let _ = writeln!(
-            text,
-            "{name:<12} {reached:>8} {:>8} {:>8} {:>8} {:>8} {:>9} {:>7} {:>8} {:>6} {:>8} {:>8.1}",
+        text.push_str(&format!(
+            "{name:<12} {reached:>8} {:>8} {:>8} {:>8} {:>8} {:>9} {:>7} {:>8} {:>6} {:>8} {:>8.1}\n",
             number(planner.median_path_to_target_m, 1.0, 1),
             number(planner.median_time_to_target_s, 1.0, 1),
             number(planner.median_energy_to_target_wh, 1.0, 2),
@@ -39,7 +36,7 @@ pub(super) fn text(comparison: &Comparison) -> String {
             planner.left_free_space,
             number(planner.least_charge_ratio, 100.0, 0),
             planner.plan_ms_median,
-        );
+        ));
     }
     text
 }

@@ -37,7 +37,7 @@ const LEAST_SIGMA_PX: f64 = 0.02;
 /// Step of the differences, m and rad.
 const STEP: f64 = 1e-5;
 
-/// JᵀJ, px² per m² and rad².
+/// The information of a picture: `JᵀJ`, px² per m² and rad².
 fn information(
     camera: &CameraModel,
     corners: &[Point<Hall>],

@@ -4,7 +4,6 @@ use super::Published;
 use super::pictures::Flown;
 use crate::scenario::Scenario;
 use serde::Serialize;
-use std::fmt::Write;
 
 /// One flight.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -92,10 +91,8 @@ impl Summary {
             let published = |f: fn(&Published) -> f64| {
                 row.published.as_ref().map_or_else(|| "–".to_owned(), |p| format!("{:.2}", f(p)))
             };
-            // Writing into a text cannot fail.
-            let _ = writeln!(
-                text,
-                "| {} | {} | {} | {:.1} | {} | {:.2} | {:.3} | {:.3} | {:+.3} | {:+.1} | {} | {} |",
+            text.push_str(&format!(
+                "| {} | {} | {} | {:.1} | {} | {:.2} | {:.3} | {:.3} | {:+.3} | {:+.1} | {} | {} |\n",
                 row.surface,
                 row.planner,
                 row.steps,
@@ -108,7 +105,7 @@ impl Summary {
                 row.error_over_sigma,
                 published(|p| p.sigma_over_volume_percent),
                 published(|p| p.error_percent),
-            );
+            ));
         }
         text
     }
