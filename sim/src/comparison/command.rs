@@ -95,7 +95,7 @@ pub fn run(
 ) -> anyhow::Result<Comparison> {
     let ComparisonArgs { target_percent, solve_interval_s, .. } = *comparison;
     anyhow::ensure!((0.001..=100.0).contains(&target_percent), "--target-percent is 0.001 to 100");
-    anyhow::ensure!((0.1..=60.0).contains(&solve_interval_s), "--solve-interval-s is 0.1 to 60");
+    anyhow::ensure!((0.2..=60.0).contains(&solve_interval_s), "--solve-interval-s is 0.2 to 60");
     let or = |named: bool, list: Vec<Planner>| if named { list } else { vec![scenario.planner] };
     let mut worlds = comparison.worlds.clone();
     if worlds.is_empty() {

@@ -43,8 +43,8 @@ pub struct PaperArgs {
 #[expect(clippy::print_stdout, reason = "the program's output")]
 pub fn run(args: &PaperArgs) -> anyhow::Result<()> {
     anyhow::ensure!(
-        (0.1..=60.0).contains(&args.solve_interval_s),
-        "--solve-interval-s is 0.1 to 60"
+        (0.2..=60.0).contains(&args.solve_interval_s),
+        "--solve-interval-s is 0.2 to 60"
     );
     anyhow::ensure!(
         args.maps_after.is_sorted_by(|a, b| a < b) && !args.maps_after.contains(&0),
