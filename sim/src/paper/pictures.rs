@@ -110,6 +110,8 @@ fn quality_of_fix(scenario: &Scenario, cell_m: f64) -> HeatMap {
         fix_quality(world, &scenario.camera, &pose)
     });
     let border = grid.border_m(min_quality);
+    // Right before a marker the quality is many times that of everywhere else.
+    let brightest = quantile(&grid.values, 0.98).max(2.0 * min_quality);
     let pad = world.pad.position.coords;
     let mut tags_m: Vec<[f64; 2]> =
         world.tags.iter().map(|tag| [tag.centre().coords.x, tag.centre().coords.y]).collect();
@@ -119,8 +121,8 @@ fn quality_of_fix(scenario: &Scenario, cell_m: f64) -> HeatMap {
     let region = corners_m(&world.region);
     HeatMap {
         title: format!("Quality of fix at {height_m:.1} m, heading {:.0}°", planning.yaw_deg),
-        quantity: "q_pos (1/√(m² + rad²))".to_owned(),
-        range: None,
+        quantity: format!("q_pos (1/√(m² + rad²)); {brightest:.0} and above are one colour"),
+        range: Some([0.0, brightest]),
         overlays: [
             Overlay::new("region", Shape::Outline, Ink::Grey, region),
             Overlay::new(format!("q_pos = τ = {min_quality}"), Shape::Segments, Ink::Red, border),
@@ -134,10 +136,24 @@ fn quality_of_fix(scenario: &Scenario, cell_m: f64) -> HeatMap {
     }
 }
 
+/// The value that this share of all values does not exceed.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "an index of a list")]
+#[expect(clippy::cast_precision_loss, reason = "pictures have few cells")]
+fn quantile(values: &[f64], share: f64) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let last = sorted.len().saturating_sub(1);
+    sorted.get((share * last as f64).round() as usize).copied().unwrap_or(0.0)
+}
+
 /// Uncertainty and reconstruction of every flight at every kept step, named as their files are.
 fn maps(world: &World, truth: &HeatMap, flown: &[&Flown]) -> Vec<(String, HeatMap)> {
-    let all = || flown.iter().flat_map(|flown| &flown.survey.maps);
-    let sigma_max = all().flat_map(|map| &map.map.sigma_m).copied().fold(0.0, f64::max);
+    // The same colours for all planners after the same number of steps.
+    let sigma_max = |asked_steps: usize| {
+        let maps = flown.iter().flat_map(|flown| &flown.survey.maps);
+        let sigmas_m = maps.filter(|m| m.asked_steps == asked_steps).flat_map(|m| &m.map.sigma_m);
+        sigmas_m.copied().fold(0.0, f64::max)
+    };
     let heights = truth.grid.values.iter().copied();
     let height_max = heights.fold(f64::NEG_INFINITY, f64::max);
     let height_min = truth.grid.values.iter().copied().fold(f64::INFINITY, f64::min);
@@ -148,7 +164,7 @@ fn maps(world: &World, truth: &HeatMap, flown: &[&Flown]) -> Vec<(String, HeatMa
                 |what: &str| format!("{}_{:02}_{what}", flown.experiment.name(), kept.asked_steps);
             figures.push((
                 name("uncertainty"),
-                step_map(world, flown, kept, Part::Uncertainty, [0.0, sigma_max]),
+                step_map(world, flown, kept, Part::Uncertainty, [0.0, sigma_max(kept.asked_steps)]),
             ));
             figures.push((
                 name("reconstruction"),
@@ -228,8 +244,12 @@ fn volume_chart(method: Method, flown: &[&Flown], truth_m3: f64) -> LineChart {
         stroke: Stroke::Full,
         points: points(flown, |_, volume_m3| volume_m3),
     });
-    let samples = flown.iter().flat_map(|flown| &flown.survey.samples);
-    let last = samples.map(|s| thousands(s.n_samples)).fold(0.0, f64::max);
+    let samples = || flown.iter().flat_map(|flown| &flown.survey.samples);
+    let last = samples().map(|s| thousands(s.n_samples)).fold(0.0, f64::max);
+    let volumes_m3 = || samples().map(|s| s.volume_m3).chain([truth_m3]);
+    let air_m3 = 0.05 * truth_m3;
+    let lowest_m3 = volumes_m3().fold(f64::INFINITY, f64::min) - air_m3;
+    let highest_m3 = volumes_m3().fold(f64::NEG_INFINITY, f64::max) + air_m3;
     let truth = Series {
         label: "truth".to_owned(),
         ink: Ink::Black,
@@ -240,8 +260,8 @@ fn volume_chart(method: Method, flown: &[&Flown], truth_m3: f64) -> LineChart {
         title: format!("Volume against samples, {}", method.title()),
         x: Axis::linear("LiDAR samples since the survey began (1000)"),
         y: Axis {
-            // The first guesses are far off and of no interest.
-            range: Some([0.5 * truth_m3, 1.5 * truth_m3]),
+            // The first guesses may be far off and are of no interest.
+            range: Some([lowest_m3.max(0.5 * truth_m3), highest_m3.min(1.5 * truth_m3)]),
             ..Axis::linear("volume (m³)")
         },
         bands: bands.collect(),
