@@ -34,6 +34,7 @@ fn state() -> FilterState {
         gyro_bias_radps: Vector3::zeros(),
         accel_bias_mps2: Vector3::zeros(),
         P: Covariance::identity() * 0.01,
+        places: None,
     }
 }
 
@@ -153,14 +154,15 @@ fn vision_fix(c: &mut Criterion) {
 }
 
 fn frame(features: &[PointFeature], camera: &CameraModel) -> Frame {
-    let sighting = |feature: &PointFeature| Sighting {
+    let sighting = |(k, feature): (usize, &PointFeature)| Sighting {
         place: feature.place,
         pixel: feature.pixel,
         offset_s: 0.0,
+        place_idx: k / 4,
     };
     Frame {
         camera: Arc::new(camera.clone()),
-        points: features.iter().map(sighting).collect(),
+        points: features.iter().enumerate().map(sighting).collect(),
         corner_sigma_px: 0.4,
         capture_sigma_s: 0.002,
     }

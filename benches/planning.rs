@@ -16,7 +16,7 @@ use stockpilot::mapping::region::Rect;
 use stockpilot::messages::{GridGeometry, TagFamily};
 use stockpilot::planning::free_space::FreeSpace;
 use stockpilot::planning::greedy::ChooseWaypoint;
-use stockpilot::planning::trajectory::{Knot, Limits, Segment};
+use stockpilot::planning::trajectory::{Knot, Limits, Trajectory};
 use stockpilot::planning::{PlannerKind, Settings, Waypoint};
 use stockpilot::time::Stamp;
 
@@ -100,23 +100,22 @@ fn greedy_choice(c: &mut Criterion) {
     group.finish();
 }
 
+/// A step of a survey: the present motion, four waypoints, one of them new.
 fn trajectory(c: &mut Criterion) {
     let limits = Limits::default();
-    let from = Knot {
-        position: Vector3::new(1.0, 2.0, 7.0),
-        velocity: Vector3::new(1.2, -0.3, 0.0),
-        accel: Vector3::new(0.2, 0.1, 0.0),
-    };
-    let to = Knot {
-        position: Vector3::new(3.0, 2.5, 7.0),
-        velocity: Vector3::new(1.0, 1.0, 0.0),
-        accel: Vector3::zeros(),
-    };
-    let segment = Segment::between(Stamp::ZERO, &from, &to, &limits);
-    let ends_there = |s: &Segment| (s.end().position - to.position).norm() < 1e-12;
-    assert!(segment.as_ref().is_some_and(|s| ends_there(s) && s.duration_s() < 10.0));
-    c.bench_function("trajectory_segment", |b| {
-        b.iter(|| Segment::between(Stamp::ZERO, black_box(&from), black_box(&to), &limits));
+    let waypoint = |x, y| Waypoint { place: Point::new(x, y, 7.0), yaw_rad: 0.0 };
+    let waypoints =
+        [waypoint(2.0, 0.0), waypoint(3.0, 1.0), waypoint(3.0, 3.0), waypoint(5.0, 3.0)];
+    let from = Knot::at_rest(Vector3::new(0.0, 0.0, 7.0), 0.0);
+    let through = |n: usize| Trajectory::through(Stamp::ZERO, &from, &waypoints[..n], &limits);
+    let flown = through(3).expect("from rest");
+    let at = Stamp::ZERO.plus(Duration::from_millis(1300));
+    let replanned = flown.replanned(at, &waypoints, &limits, None).expect("a way");
+    let off = replanned.knot_at(at).accel - flown.knot_at(at).accel;
+    assert!(off.norm() < 1e-9 && replanned.n_waypoints() == 4);
+    c.bench_function("trajectory_4_waypoints", |b| b.iter(|| through(black_box(4))));
+    c.bench_function("trajectory_replanned_4_waypoints", |b| {
+        b.iter(|| flown.replanned(black_box(at), &waypoints, &limits, None));
     });
 }
 

@@ -15,7 +15,7 @@
 //! | 7 | `link`, `lidar`, `camera`, `record` | feature `service`: the edges |
 //! | 7 | `figure` | feature `figures`, part of `service`: pictures of maps and curves |
 //! | 8 | `config` | the file, checked and turned into the settings of all of them |
-//! | 9 | `service` | tasks, clock, supervision |
+//! | 9 | `service`, `survey` | tasks, clock, supervision; after the flight: merged maps, changes |
 
 pub mod units;
 
@@ -50,3 +50,5 @@ pub mod record;
 
 #[cfg(feature = "service")]
 pub mod service;
+#[cfg(feature = "service")]
+pub mod survey;

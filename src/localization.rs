@@ -18,10 +18,12 @@ mod frozen;
 mod imu_clock;
 mod linear_pose;
 mod localizer;
+mod place_errors;
 mod planar_pose;
 mod propagation;
 mod start;
 mod tag_health;
 
 pub use localizer::{Health, Localizer, Settings, Update};
+pub use place_errors::PlaceErrors;
 pub use start::PadPose;

@@ -1,16 +1,21 @@
 //! The onboard program and its tools.
 
 use anyhow::Context;
-use clap::{Args, Parser, Subcommand};
+use clap::{Args, Parser, Subcommand, ValueEnum};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 use stockpilot::config::{self, Config, ConfigError};
+use stockpilot::mapping::change::USUAL_RISK;
 use stockpilot::pilot::Pilot;
 use stockpilot::record::replay::{ReplayReport, replay};
 use stockpilot::service::clock::Clock;
 use stockpilot::service::onboard::{Onboard, Surroundings};
+use stockpilot::survey::{
+    AccountLine, BayChange, ChangeReport, MergeOptions, MergedSurvey, Origin, Survey,
+    accounts_table, compare, merge_logs,
+};
 use tokio_util::sync::CancellationToken;
 
 /// How much bulk material lies in this hall, measured by a drone, and how sure the answer is.
@@ -27,6 +32,10 @@ enum Command {
     Run(RunArgs),
     /// The same flight again from its log.
     Replay(ReplayArgs),
+    /// One map of several logs: of cut-off flights, of several flights or vehicles.
+    Merge(MergeArgs),
+    /// What has changed between two surveys of the same bays.
+    Change(ChangeArgs),
 }
 
 #[derive(Debug, Args)]
@@ -54,6 +63,63 @@ struct ReplayArgs {
     json: bool,
 }
 
+#[derive(Debug, Args)]
+struct MergeArgs {
+    /// The logs, in their order; a log without an end is read as far as it goes.
+    #[arg(required = true, value_name = "LOG")]
+    logs: Vec<PathBuf>,
+    /// Write the merged survey as a log; the file must not exist.
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    /// Every log is of a vehicle of its own. Else equal LiDARs that are mounted alike are one.
+    #[arg(long)]
+    separate_vehicles: bool,
+    /// All flights of each log, not its last one only; the material must not have moved in between.
+    #[arg(long)]
+    all_flights: bool,
+    /// Print one JSON object.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, Args)]
+struct ChangeArgs {
+    /// Log of the earlier survey, or what `merge` has written.
+    earlier: PathBuf,
+    /// Log of the later survey.
+    later: PathBuf,
+    /// How often noise may be called significant, for each line by itself.
+    #[arg(long, default_value_t = USUAL_RISK)]
+    risk: f64,
+    /// Errors that the surveys do not share although their configurations are equal.
+    #[arg(long, value_enum, value_delimiter = ',', value_name = "ORIGINS")]
+    independent: Vec<OriginName>,
+    /// Print one JSON object.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Where constant errors come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum OriginName {
+    /// The LiDAR on its vehicle: another vehicle, or mounted anew.
+    Lidar,
+    /// The marker map: hung or surveyed anew.
+    Markers,
+    /// What the material lies on.
+    Base,
+}
+
+impl From<OriginName> for Origin {
+    fn from(name: OriginName) -> Self {
+        match name {
+            OriginName::Lidar => Self::Lidar,
+            OriginName::Markers => Self::Markers,
+            OriginName::Base => Self::Base,
+        }
+    }
+}
+
 fn main() -> anyhow::Result<ExitCode> {
     let filter = tracing_subscriber::EnvFilter::try_from_default_env()
         .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("info"));
@@ -61,6 +127,8 @@ fn main() -> anyhow::Result<ExitCode> {
     match Cli::parse().command {
         Command::Run(args) => run(&args),
         Command::Replay(args) => run_replay(&args),
+        Command::Merge(args) => run_merge(&args),
+        Command::Change(args) => run_change(&args),
     }
 }
 
@@ -156,6 +224,163 @@ fn print_replay(report: &ReplayReport, wall_time_s: f64, as_json: bool) -> anyho
     );
     if let Some(difference) = first_difference {
         println!("first difference: {difference}");
+    }
+    Ok(())
+}
+
+#[derive(Debug, Serialize)]
+struct MergeLine {
+    accounts: Vec<AccountLine>,
+    logs: Vec<MergedLogLine>,
+    beams: u64,
+    beams_refused: u64,
+    out: Option<PathBuf>,
+}
+
+#[derive(Debug, Serialize)]
+struct MergedLogLine {
+    log: PathBuf,
+    flights: usize,
+    turns: usize,
+    vehicle: usize,
+    complete: bool,
+}
+
+fn run_merge(args: &MergeArgs) -> anyhow::Result<ExitCode> {
+    let options =
+        MergeOptions { separate_vehicles: args.separate_vehicles, all_flights: args.all_flights };
+    let survey = merge_logs(&args.logs, options)?;
+    if let Some(out) = &args.out {
+        survey.write(out)?;
+    }
+    print_merged(&survey, args)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+#[expect(clippy::print_stdout, reason = "the program's output")]
+fn print_merged(survey: &MergedSurvey, args: &MergeArgs) -> anyhow::Result<()> {
+    if args.json {
+        let line = MergeLine {
+            accounts: survey.accounts.iter().map(AccountLine::from).collect(),
+            logs: survey
+                .logs
+                .iter()
+                .map(|log| MergedLogLine {
+                    log: log.path.clone(),
+                    flights: log.n_flights,
+                    turns: log.n_turns,
+                    vehicle: log.vehicle_idx,
+                    complete: log.is_complete,
+                })
+                .collect(),
+            beams: survey.hits.received,
+            beams_refused: survey.hits.refused,
+            out: args.out.clone(),
+        };
+        println!("{}", serde_json::to_string(&line)?);
+        return Ok(());
+    }
+    for log in &survey.logs {
+        let end = if log.is_complete { "" } else { "; it ends early" };
+        println!(
+            "{}: {} flight(s), {} turns, vehicle {}{end}",
+            log.path.display(),
+            log.n_flights,
+            log.n_turns,
+            log.vehicle_idx,
+        );
+    }
+    print!("{}", accounts_table(&survey.accounts));
+    if let Some(out) = &args.out {
+        println!("written to {}", out.display());
+    }
+    Ok(())
+}
+
+#[derive(Debug, Serialize)]
+struct ChangeLine {
+    bays: Vec<BayChangeLine>,
+    shared: Vec<&'static str>,
+    only_earlier: Vec<String>,
+    only_later: Vec<String>,
+}
+
+#[derive(Debug, Serialize)]
+struct BayChangeLine {
+    name: String,
+    earlier_m3: f64,
+    later_m3: f64,
+    change_m3: f64,
+    sigma_m3: f64,
+    unshared_sigma_m3: f64,
+    statement: Option<String>,
+    change_t: Option<f64>,
+    sigma_t: Option<f64>,
+    verdict: &'static str,
+    p_value: f64,
+    risk: f64,
+    detectable_m3: f64,
+}
+
+impl From<&BayChange> for BayChangeLine {
+    fn from(bay: &BayChange) -> Self {
+        let change = &bay.change;
+        Self {
+            name: bay.name.clone(),
+            earlier_m3: bay.earlier.volume_m3,
+            later_m3: bay.later.volume_m3,
+            change_m3: change.change_m3,
+            sigma_m3: change.sigma_m3,
+            unshared_sigma_m3: change.unshared_sigma_m3,
+            statement: change.statement().ok().map(|statement| statement.to_string()),
+            change_t: bay.mass.map(|mass| mass.mass_t),
+            sigma_t: bay.mass.map(|mass| mass.sigma_t),
+            verdict: change.verdict.name(),
+            p_value: change.p_value,
+            risk: change.risk,
+            detectable_m3: change.detectable_m3,
+        }
+    }
+}
+
+fn run_change(args: &ChangeArgs) -> anyhow::Result<ExitCode> {
+    let (earlier, later) = (Survey::read(&args.earlier)?, Survey::read(&args.later)?);
+    for survey in [&earlier, &later] {
+        if !survey.is_final {
+            tracing::warn!(
+                log = %survey.path.display(),
+                "the volume is one of the flight under way; `stockpilot merge` uses all it saw"
+            );
+        }
+    }
+    let independent: Vec<Origin> = args.independent.iter().map(|name| (*name).into()).collect();
+    let report = compare(&earlier, &later, args.risk, &independent)?;
+    print_change(&report, args.json)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+#[expect(clippy::print_stdout, reason = "the program's output")]
+fn print_change(report: &ChangeReport, as_json: bool) -> anyhow::Result<()> {
+    let shared: Vec<&str> = report.shared.iter().map(|origin| origin.name()).collect();
+    if as_json {
+        let line = ChangeLine {
+            bays: report.bays.iter().map(BayChangeLine::from).collect(),
+            shared,
+            only_earlier: report.only_earlier.clone(),
+            only_later: report.only_later.clone(),
+        };
+        println!("{}", serde_json::to_string(&line)?);
+        return Ok(());
+    }
+    for bay in &report.bays {
+        println!("{bay}");
+    }
+    let shared = if shared.is_empty() { "none".to_owned() } else { shared.join(", ") };
+    println!("errors that both surveys share: {shared}");
+    for (names, which) in [(&report.only_earlier, "earlier"), (&report.only_later, "later")] {
+        if !names.is_empty() {
+            println!("only in the {which} survey: {}", names.join(", "));
+        }
     }
     Ok(())
 }

@@ -11,6 +11,7 @@
 //! ```
 
 mod event;
+mod flight_path;
 mod intake;
 mod job;
 mod route;
@@ -22,8 +23,8 @@ use crate::geometry::{Hall, Point};
 use crate::localization::{self, Health, Localizer};
 use crate::mapping::{self, Mapper, SolveError, SolvedSurface};
 use crate::messages::{
-    BatterySample, NavEstimate, OperatorAnswer, OperatorCommand, Scan, Severity, StatusText,
-    VehicleState, VolumeAccount,
+    BatterySample, DisturbedArea, NavEstimate, OperatorAnswer, OperatorCommand, Scan, Severity,
+    StatusText, VehicleState, VolumeAccount,
 };
 use crate::mission::{self, Effect, Inputs, Mission, Phase};
 use crate::planning;
@@ -57,12 +58,17 @@ pub struct Settings {
     pub report_interval: Duration,
 }
 
+/// Setpoints are sampled this long ahead: half of the 33 ms that each is in force, and what link
+/// and autopilot take until they act on it. Without it the vehicle lags 7 cm behind at 2 m/s.
+const STEER_LEAD: Duration = Duration::from_millis(30);
 /// Without a beam for this long the LiDAR counts as silent.
 const LIDAR_SILENT_AFTER: Duration = Duration::from_secs(2);
 /// An older battery message says nothing; PX4 sends one every two seconds.
 const BATTERY_OLD_AFTER: Duration = Duration::from_secs(10);
 /// Scans wait at most this long for the pose at their end, and for the frames that shape it.
 const SCAN_PATIENCE: Duration = Duration::from_millis(300);
+/// Smaller disturbed areas are not told of, m².
+const LEAST_DISTURBED_M2: f64 = 0.5;
 /// The end of a trajectory counts as reached within this distance, m.
 const AT_TARGET_M: f64 = 0.3;
 
@@ -92,6 +98,8 @@ pub struct Pilot {
     flown: FlownPath,
     /// Landed, waiting for the last solve.
     ending: Option<Ending>,
+    /// The disturbed area that the people were told of last, m².
+    told_disturbed_m2: f64,
 }
 
 /// What a flight came to, before its last solve.
@@ -151,6 +159,7 @@ impl Pilot {
             home: None,
             flown: FlownPath::default(),
             ending: None,
+            told_disturbed_m2: 0.0,
         }
     }
 
@@ -216,6 +225,12 @@ impl Pilot {
         self.mission.phase()
     }
 
+    /// The map as it grows.
+    #[must_use]
+    pub const fn mapper(&self) -> &Mapper {
+        &self.mapper
+    }
+
     /// The newest belief of the localisation, whether it can be flown on or not.
     #[must_use]
     pub fn estimate(&self) -> Option<NavEstimate> {
@@ -248,6 +263,24 @@ impl Pilot {
         let records = self.localizer.take_records().into_iter();
         actions.extend(records.map(|record| Action::FixTreated(Box::new(record))));
         actions.extend(self.localizer.take_notices().into_iter().map(Action::Say));
+        if let Some(since) = self.localizer.take_doubt() {
+            self.forget_since(since, actions);
+        }
+    }
+
+    /// Takes back what was mapped from poses that turned out to be wrong.
+    fn forget_since(&mut self, since: Stamp<Mono>, actions: &mut Vec<Action>) {
+        let n_beams = self.mapper.forget_since(since);
+        if n_beams == 0 {
+            return;
+        }
+        let age_s = self.now.seconds_since(since);
+        let text = format!("{n_beams} beams of the last {age_s:.1} s had a wrong pose: dropped");
+        say(actions, Severity::Warning, text);
+        // A solve under way still has them: another one takes its place.
+        if self.jobs.solve.is_some() {
+            self.start_solve(self.jobs.is_final_solve, actions);
+        }
     }
 
     fn on_operator(&mut self, command: OperatorCommand, actions: &mut Vec<Action>) {
@@ -287,7 +320,7 @@ impl Pilot {
                 let yaw_rad = estimate.hall_from_body.rotation.yaw_rad();
                 wrapped_rad(yaw_rad - self.route.settings().yaw_rad)
             }),
-            is_trajectory_over: self.route.reached_end(self.now).is_some(),
+            is_trajectory_over: self.route.path().reached_end(self.now).is_some(),
             is_at_target: self.is_at_target(),
         }
     }
@@ -295,9 +328,10 @@ impl Pilot {
     fn is_at_target(&self) -> bool {
         let place = self.localizer.estimate().map(|estimate| estimate.hall_from_body.origin);
         self.route
+            .path()
             .reached_end(self.now)
             .zip(place)
-            .is_some_and(|(end, place)| (place.coords - end).norm() < AT_TARGET_M)
+            .is_some_and(|(end, place)| (place.coords - end.position).norm() < AT_TARGET_M)
     }
 
     fn apply(&mut self, effects: Vec<Effect>, actions: &mut Vec<Action>) {
@@ -330,53 +364,60 @@ impl Pilot {
                 // The next flight measures anew: the material may have moved.
                 self.mapper.restart();
                 self.accounts.clear();
+                self.told_disturbed_m2 = 0.0;
                 self.jobs.choice = None;
                 self.route.restart();
                 self.flown = FlownPath::default();
                 self.home = here;
                 if let Some(place) = here {
-                    self.route.stand(&place.coords, self.now);
+                    self.stand(place);
                 }
             }
             Phase::TakeOff => {
                 // The pose has settled since the preflight began; fly from where it is now.
                 if let Some(place) = here.filter(|_| from == Phase::Preflight) {
                     self.home = Some(place);
-                    self.route.stand(&place.coords, self.now);
+                    self.stand(place);
                 }
-                if let Some(home) = self.home {
-                    self.route.go_to(&self.above(&home), self.now);
+                if let Some(over_home) = self.home.map(|home| self.above(&home)) {
+                    self.route.path_mut().go_to(over_home, self.now);
                 }
             }
             Phase::Return => {
-                if let Some(home) = self.home {
-                    self.route.go_to(&self.above(&home), self.now);
+                if let Some(over_home) = self.home.map(|home| self.above(&home)) {
+                    self.route.path_mut().go_to(over_home, self.now);
                 }
             }
-            Phase::Hold => self.route.brake(self.now),
-            Phase::Idle | Phase::Land | Phase::Abort => self.route.let_go(),
+            Phase::Hold => self.route.path_mut().brake(self.now),
+            Phase::Idle | Phase::Land | Phase::Abort => self.route.path_mut().let_go(),
             Phase::Survey => {}
         }
     }
 
-    /// The place over `place` at the height of the flight.
-    fn above(&self, place: &Point<Hall>) -> Vector3<f64> {
-        Vector3::new(place.coords.x, place.coords.y, self.route.settings().height_m)
+    /// The place over `place` at the height of the flight, with the usual heading.
+    fn above(&self, place: &Point<Hall>) -> Waypoint {
+        let planning = self.route.settings();
+        let place = Point::new(place.coords.x, place.coords.y, planning.height_m);
+        Waypoint { place, yaw_rad: planning.yaw_rad }
+    }
+
+    /// Stands at a place with the usual heading.
+    fn stand(&mut self, place: Point<Hall>) {
+        let yaw_rad = self.route.settings().yaw_rad;
+        self.route.path_mut().stand(&Waypoint { place, yaw_rad }, self.now);
     }
 
     fn steer(&mut self, actions: &mut Vec<Action>) {
         if !self.mission.phase().is_steering() {
             return;
         }
-        if self.route.segment().is_none()
+        if self.route.path().trajectory().is_none()
             && let Some(estimate) = self.localizer.estimate()
         {
-            self.route.stand(&estimate.hall_from_body.origin.coords, self.now);
+            self.stand(estimate.hall_from_body.origin);
         }
-        let yaw_rad = self.route.settings().yaw_rad;
-        let Some(setpoint) = self.route.segment().map(|s| s.setpoint_at(self.now, yaw_rad)) else {
-            return;
-        };
+        let Some(trajectory) = self.route.path().trajectory() else { return };
+        let setpoint = trajectory.setpoint_at(self.now.plus(STEER_LEAD));
         if setpoint.is_finite() {
             self.flown.go_on(&setpoint.position.coords);
             actions.push(Action::Steer(setpoint));
@@ -450,10 +491,11 @@ impl Pilot {
         if self.jobs.choice.is_some() {
             return;
         }
-        let Some(knot) = self.route.knot_at(self.now) else { return };
+        let Some(trajectory) = self.route.path().trajectory() else { return };
+        let knot = trajectory.knot_at(self.now);
         let from = Waypoint {
             place: Point::from_coords(knot.position),
-            yaw_rad: self.route.settings().yaw_rad,
+            yaw_rad: wrapped_rad(knot.yaw.angle_rad),
         };
         let lidar = &self.settings.mapping.lidar;
         if let Some(choice) = self.route.choice_due(&from, &self.mapper, lidar) {
@@ -503,6 +545,7 @@ impl Pilot {
         match solved {
             Ok(solved) => {
                 self.mapper.absorb(&solved);
+                self.tell_of_disturbed(&solved.disturbed, actions);
                 self.accounts.clone_from(&solved.accounts);
                 actions.push(Action::VolumesAccounted(solved.accounts));
                 actions.push(Action::SurfaceSolved(Box::new(solved.surface)));
@@ -510,6 +553,23 @@ impl Pilot {
             Err(error) => say(actions, Severity::Error, format!("no surface: {error}")),
         }
         self.end_if_final(actions);
+    }
+
+    /// Tells the people that something moves in the hall: when it begins, each time it has doubled, and
+    /// what is left of it in the end.
+    fn tell_of_disturbed(&mut self, areas: &[DisturbedArea], actions: &mut Vec<Action>) {
+        let Some(largest) = areas.first() else { return };
+        let area_m2: f64 = areas.iter().map(|area| area.area_m2).sum();
+        let is_more = area_m2 >= LEAST_DISTURBED_M2.max(2.0 * self.told_disturbed_m2);
+        if is_more || (self.jobs.is_final_solve && area_m2 >= LEAST_DISTURBED_M2) {
+            self.told_disturbed_m2 = area_m2;
+            let [x_m, y_m] = largest.centre_m;
+            let bay = self.mapper.bay_at(x_m, y_m).map_or_else(String::new, |b| format!(" in {b}"));
+            let text = format!(
+                "something moved: {area_m2:.1} m2 not measured since, most near x {x_m:.1} y {y_m:.1} m{bay}"
+            );
+            say(actions, Severity::Warning, text);
+        }
     }
 
     /// After the last solve of a flight: the final report.

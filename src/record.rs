@@ -3,6 +3,7 @@
 //! ```text
 //! brain ─ event, result ─▶ Recorder ─ bounded channel ─▶ thread ─▶ file.mcap
 //! file.mcap ─▶ LogReader ─ events, results ─▶ replay ─▶ ReplayReport
+//!                  └─ events ─▶ read_flights ─▶ turns;  results ─▶ read_accounts ─▶ volumes
 //! ```
 //! | topics | encoding | role |
 //! | --- | --- | --- |
@@ -16,8 +17,10 @@
 //! number only: they are pure functions of what the brain gave them, so a replay runs them again
 //! and hands the output over at the recorded place.
 
+mod accounts;
 mod build;
 mod entry;
+mod flights;
 mod reader;
 mod recorder;
 pub mod replay;
@@ -26,8 +29,10 @@ mod twin;
 mod view;
 mod writer;
 
+pub use accounts::{LoggedAccounts, read_accounts};
 pub use build::build_identity;
 pub use entry::RecordedEvent;
+pub use flights::{LoggedFlights, read_flights};
 pub use reader::{LogItem, LogReader};
 pub use recorder::{RecordError, Recorder, RecorderStats};
 pub use topic::Topic;

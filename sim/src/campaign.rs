@@ -47,6 +47,8 @@ pub enum CampaignError {
 /// What a flight shows of itself while it goes on.
 #[derive(Debug, Clone, Copy)]
 pub enum Witnessed<'a> {
+    /// The brain is told something.
+    Event(&'a Event),
     /// The brain wants something.
     Action(&'a Action),
     /// A message leaves for the autopilot.
@@ -233,10 +235,14 @@ impl DirectFlight {
         }
         let mut actions = Vec::new();
         for event in events {
+            witness(now, Witnessed::Event(&event));
+            let n_before = actions.len();
             self.pilot.step(event, &mut actions);
+            for action in &actions[n_before..] {
+                witness(now, Witnessed::Action(action));
+            }
         }
         for action in actions {
-            witness(now, Witnessed::Action(&action));
             self.session.on_action(&action, now, &mut out);
             self.act(action, now);
         }

@@ -6,12 +6,12 @@ use crate::camera::CameraModel;
 use crate::lidar::LidarModel;
 use crate::scenario::{Scenario, Variance};
 use crate::vehicle::VehicleSettings;
-use crate::world::{Region, World};
+use crate::world::{Bay, Region, World};
 use std::path::PathBuf;
 use stockpilot::config::{
-    CameraSection, Config, FilterSection, HallSection, LensName, LidarSection, LinkSection,
-    LogSection, MarkersSection, MissionSection, MountSection, PlanningSection, RectSection,
-    SurfaceSection, TagSection, UncertaintySection,
+    BaySection, CameraSection, Config, FilterSection, HallSection, LensName, LidarSection,
+    LinkSection, LogSection, MarkersSection, MissionSection, MountSection, PlanningSection,
+    RectSection, SurfaceSection, TagSection, UncertaintySection,
 };
 use stockpilot::geometry::{Body, Camera, Frame, Rotation, Transform};
 
@@ -79,7 +79,7 @@ pub fn config(scenario: &Scenario, devices: Devices) -> Config {
         cameras: vec![camera(&scenario.camera)],
         markers: MarkersSection::default(),
         tags: tags(world, &conditions.errors),
-        bays: Vec::new(),
+        bays: bays(world),
         exclusions: Vec::new(),
         points: Vec::new(),
     }
@@ -136,6 +136,22 @@ fn hall(world: &World) -> HallSection {
             .collect(),
         exclusion_margin_m: 0.12,
     }
+}
+
+/// Bulk density of the simulated material and its σ, t/m³: gravel that nobody has weighed.
+pub const DENSITY_T_PER_M3: (f64, f64) = (1.6, 0.05);
+
+/// The bays of the world, with the density of their material.
+fn bays(world: &World) -> Vec<BaySection> {
+    let (mean, sigma) = DENSITY_T_PER_M3;
+    let section = |bay: &Bay| BaySection {
+        name: bay.name.clone(),
+        polygon_m: bay.outline_m.clone(),
+        base: None,
+        density_t_per_m3: Some(mean),
+        density_sigma_t_per_m3: Some(sigma),
+    };
+    world.bays.iter().map(section).collect()
 }
 
 /// A strip narrower than this between a wall and the region's border belongs to no bay, m.

@@ -7,6 +7,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use stockpilot::messages::Verdict;
 use stockpilot::pilot::Action;
+use stockpilot::survey::accounts_table;
 use stockpilot::time::{Mono, Stamp};
 use stockpilot_sim::camera::CameraArgs;
 use stockpilot_sim::campaign::{self, Witnessed};
@@ -111,6 +112,11 @@ fn run_fly(args: &FlyArgs) -> anyhow::Result<ExitCode> {
 
 #[expect(clippy::print_stdout, reason = "the program's output")]
 fn print_run(run: &RunReport) {
+    print!("{}", accounts_table(&run.accounts));
+    for bay in &run.bays {
+        let percent = 100.0 * bay.relative_error;
+        println!("truth    {} {:.1} m³, error {percent:+.2} %", bay.name, bay.volume_true_m3);
+    }
     println!("volume   {:.1} m³ ± {:.1} m³ (k = 2)", run.volume_m3, 2.0 * run.sigma_m3);
     println!("truth    {:.1} m³, error {:+.2} %", run.volume_true_m3, 100.0 * run.relative_error);
     println!(
@@ -225,6 +231,9 @@ fn print_campaign(report: &CampaignReport) {
     if let Some(worst) = report.worst {
         let percent = 100.0 * worst.relative_error;
         println!("worst: seed {}, error {percent:+.2} %, z {:+.1}", worst.seed, worst.z);
+    }
+    if let (Some(coverage), Some(rms_z)) = (report.bay_coverage_95, report.bay_rms_z) {
+        println!("bays: 95 % coverage {coverage:.2}, rms z {rms_z:.2}");
     }
     for (source, share) in &report.budget {
         println!("{:5.1} %  {source}", 100.0 * share);

@@ -4,10 +4,12 @@ use crate::calibration::CalibrationSigmas;
 use crate::judge::PoseJudge;
 use crate::rig::Rig;
 use crate::scenario::{Scenario, Variance};
+use crate::world::{Bay, World};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::time::Duration;
+use stockpilot::messages::{BudgetSource, VolumeAccount};
 use stockpilot::pilot::FlightSummary;
 
 /// One run.
@@ -40,6 +42,10 @@ pub struct RunReport {
     /// Share of each source in the claimed variance, by the source's name; empty where the surface
     /// keeps no budget.
     pub budget: BTreeMap<String, f64>,
+    /// The volumes of the bays beside their truth; empty in a hall without bays.
+    pub bays: Vec<BayReport>,
+    /// Share of the volume where something moved since the ground was last seen.
+    pub disturbed: f64,
     /// Length of the true path, m.
     pub path_length_m: f64,
     /// Waypoints reached.
@@ -68,6 +74,45 @@ pub struct RunReport {
     pub position_rms_m: f64,
     /// What the service needed of the computer; `null` where it is not measured.
     pub load: Option<ServiceLoad>,
+    /// The accounts of all volumes, for people.
+    #[serde(skip)]
+    pub accounts: Vec<VolumeAccount>,
+}
+
+/// One bay.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct BayReport {
+    /// Its name.
+    pub name: String,
+    /// The truth, m³.
+    pub volume_true_m3: f64,
+    /// The measurement, m³.
+    pub volume_m3: f64,
+    /// Its claimed standard deviation, m³.
+    pub sigma_m3: f64,
+    /// (measured − true) / true.
+    pub relative_error: f64,
+    /// (measured − true) / claimed σ.
+    pub z: f64,
+}
+
+/// The bays of the flight that the world knows the truth of.
+fn bay_reports(world: &World, flight: &FlightSummary) -> Vec<BayReport> {
+    let of = |bay: &Bay| {
+        let account = flight.accounts.iter().find(|account| account.name == bay.name)?;
+        let (volume_m3, sigma_m3) = (account.estimate.volume_m3, account.estimate.sigma_m3);
+        let volume_true_m3 = world.bay_volume_m3(bay);
+        let error_m3 = volume_m3 - volume_true_m3;
+        Some(BayReport {
+            name: bay.name.clone(),
+            volume_true_m3,
+            volume_m3,
+            sigma_m3,
+            relative_error: error_m3 / volume_true_m3,
+            z: error_m3 / sigma_m3,
+        })
+    };
+    world.bays.iter().filter_map(of).collect()
 }
 
 /// What the service needed of the computer, beside the simulator in the same process.
@@ -123,6 +168,12 @@ impl RunReport {
             sigma_m3: volume.sigma_m3,
             relative_error: (volume.volume_m3 - volume_true_m3) / volume_true_m3,
             budget: budget_shares(&measured.flight),
+            bays: bay_reports(world, &measured.flight),
+            disturbed: measured
+                .flight
+                .accounts
+                .first()
+                .map_or(0.0, |account| account.shares.disturbed_ratio),
             path_length_m: rig.flown_m(),
             steps: measured.flight.steps_done,
             beams: measured.flight.hits.received,
@@ -137,6 +188,7 @@ impl RunReport {
             position_within_3_sigma: measured.poses.within_3_sigma(),
             position_rms_m: measured.poses.position_rms_m(),
             load: measured.load,
+            accounts: measured.flight.accounts.clone(),
         }
     }
 
@@ -158,7 +210,7 @@ pub struct NotedRun {
     pub z: f64,
 }
 
-/// Share of each source in (σ^V)².
+/// Share of each source in (σ^V)²; the density is no part of it.
 fn budget_shares(flight: &FlightSummary) -> BTreeMap<String, f64> {
     let Some(account) = flight.accounts.first() else { return BTreeMap::new() };
     let var_m6 = account.budget.var_m6();
@@ -167,6 +219,7 @@ fn budget_shares(flight: &FlightSummary) -> BTreeMap<String, f64> {
         .budget
         .rows
         .iter()
+        .filter(|row| row.source != BudgetSource::Density)
         .map(|row| (row.source.name().to_owned(), share(row.var_m6)))
         .collect()
 }
@@ -190,6 +243,10 @@ pub struct CampaignReport {
     pub worst: Option<NotedRun>,
     /// Mean share of each source in the claimed variance, by the source's name.
     pub budget: BTreeMap<String, f64>,
+    /// Share of all bays of all runs whose V ± 1.96 σ holds the truth; `null` without bays.
+    pub bay_coverage_95: Option<f64>,
+    /// Root mean square of error/σ of all bays of all runs; `null` without bays.
+    pub bay_rms_z: Option<f64>,
     /// Flight time over the time it took, of one run by itself.
     pub realtime_factor: f64,
 }
@@ -219,10 +276,19 @@ impl CampaignReport {
             mean_sigma_over_volume: mean(&|run| run.sigma_m3 / run.volume_m3),
             worst,
             budget: mean_budget(&runs, n),
+            bay_coverage_95: mean_of_bays(&runs, |z| f64::from(u8::from(z.abs() <= 1.96))),
+            bay_rms_z: mean_of_bays(&runs, |z| z * z).map(f64::sqrt),
             realtime_factor: sum(&|run| run.sim_time_s) / sum(&|run| run.wall_time_s),
             runs,
         }
     }
+}
+
+/// The mean of a function of z over all bays of all runs.
+#[expect(clippy::cast_precision_loss, reason = "few bays")]
+fn mean_of_bays(runs: &[RunReport], f: impl Fn(f64) -> f64) -> Option<f64> {
+    let z: Vec<f64> = runs.iter().flat_map(|run| &run.bays).map(|bay| bay.z).collect();
+    (!z.is_empty()).then(|| z.iter().map(|z| f(*z)).sum::<f64>() / z.len() as f64)
 }
 
 /// The mean share of every source that any run names; a run that does not name it counts as 0.
@@ -237,6 +303,17 @@ fn mean_budget(runs: &[RunReport], n: f64) -> BTreeMap<String, f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn bay(z: f64) -> BayReport {
+        BayReport {
+            name: "bay 1".to_owned(),
+            volume_true_m3: 10.0,
+            volume_m3: 10.0 + 0.1 * z,
+            sigma_m3: 0.1,
+            relative_error: 0.01 * z,
+            z,
+        }
+    }
 
     fn run(seed: u64, volume_m3: f64, shares: &[(&str, f64)]) -> RunReport {
         RunReport {
@@ -253,6 +330,8 @@ mod tests {
             sigma_m3: 2.0,
             relative_error: (volume_m3 - 100.0) / 100.0,
             budget: shares.iter().map(|(source, share)| ((*source).to_owned(), *share)).collect(),
+            bays: [0.5, -2.5].map(bay).into(),
+            disturbed: 0.0,
             path_length_m: 0.0,
             steps: 0,
             beams_sent: 0,
@@ -267,6 +346,7 @@ mod tests {
             position_within_3_sigma: 1.0,
             position_rms_m: 0.0,
             load: None,
+            accounts: Vec::new(),
         }
     }
 
@@ -292,6 +372,9 @@ mod tests {
         assert!((report.budget["pose"] - 2.1 / 4.0).abs() < 1e-12);
         assert!((report.budget["prior"] - 0.9 / 4.0).abs() < 1e-12);
         assert!((report.realtime_factor - 50.0).abs() < 1e-12);
-        assert!(CampaignReport::new(Vec::new()).worst.is_none());
+        assert_eq!(report.bay_coverage_95, Some(0.5));
+        assert!((report.bay_rms_z.unwrap() - 3.25_f64.sqrt()).abs() < 1e-12);
+        let none = CampaignReport::new(Vec::new());
+        assert!(none.worst.is_none() && none.bay_rms_z.is_none());
     }
 }

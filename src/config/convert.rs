@@ -2,8 +2,8 @@
 
 use super::error::ConfigError;
 use super::file::{
-    Config, MountSection, PadSection, PlannerName, RectSection, SurfaceName, UpdateName,
-    VarianceUpdateName, VolumeVarianceName,
+    Config, MountSection, PadSection, PlannerName, PlanningSection, RectSection, SurfaceName,
+    UpdateName, VarianceUpdateName, VolumeVarianceName,
 };
 use crate::geometry::{Body, Frame, Point, Rotation, Transform};
 use crate::localization::filter::ImuNoise;
@@ -386,15 +386,7 @@ impl Config {
                 (0.0, 1e6),
                 "1/√(m² + rad²)",
             )?,
-            limits: Limits {
-                speed_mps: within("planning.max_speed_mps", p.max_speed_mps, (0.1, 15.0), "m/s")?,
-                accel_mps2: within(
-                    "planning.max_accel_mps2",
-                    p.max_accel_mps2,
-                    (0.1, 10.0),
-                    "m/s²",
-                )?,
-            },
+            limits: trajectory_limits(p)?,
         })
     }
 
@@ -472,6 +464,33 @@ pub(super) fn rect(key: &str, r: &RectSection) -> Result<Rect, ConfigError> {
         y_min_m,
         x_max_m: within(key, r.x_max_m, (x_min_m + 0.01, 10_000.0), "m")?,
         y_max_m: within(key, r.y_max_m, (y_min_m + 0.01, 10_000.0), "m")?,
+    })
+}
+
+/// Bounds of the trajectory.
+fn trajectory_limits(p: &PlanningSection) -> Result<Limits, ConfigError> {
+    let yaw =
+        |key, degrees, low, high, unit| within(key, degrees, (low, high), unit).map(rad_from_deg);
+    let (v, a, j, s) = (p.max_speed_mps, p.max_accel_mps2, p.max_jerk_mps3, p.max_snap_mps4);
+    Ok(Limits {
+        speed_mps: within("planning.max_speed_mps", v, (0.1, 15.0), "m/s")?,
+        accel_mps2: within("planning.max_accel_mps2", a, (0.1, 10.0), "m/s²")?,
+        jerk_mps3: within("planning.max_jerk_mps3", j, (0.1, 200.0), "m/s³")?,
+        snap_mps4: within("planning.max_snap_mps4", s, (0.1, 5_000.0), "m/s⁴")?,
+        yaw_rate_radps: yaw(
+            "planning.max_yaw_rate_degps",
+            p.max_yaw_rate_degps,
+            1.0,
+            360.0,
+            "deg/s",
+        )?,
+        yaw_accel_radps2: yaw(
+            "planning.max_yaw_accel_degps2",
+            p.max_yaw_accel_degps2,
+            1.0,
+            3_600.0,
+            "deg/s²",
+        )?,
     })
 }
 

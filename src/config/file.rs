@@ -333,7 +333,7 @@ pub struct FieldSection {
 
 impl Default for FieldSection {
     fn default() -> Self {
-        Self { range_m: 5.0, sigma_m: 1.0, nugget_m: 0.02 }
+        Self { range_m: 5.0, sigma_m: 1.0, nugget_m: 0.015 }
     }
 }
 
@@ -430,6 +430,14 @@ pub struct PlanningSection {
     pub max_speed_mps: f64,
     /// Largest acceleration, m/s².
     pub max_accel_mps2: f64,
+    /// Largest jerk, m/s³.
+    pub max_jerk_mps3: f64,
+    /// Largest snap, m/s⁴.
+    pub max_snap_mps4: f64,
+    /// Largest rate of the heading, deg/s.
+    pub max_yaw_rate_degps: f64,
+    /// Largest acceleration of the heading, deg/s².
+    pub max_yaw_accel_degps2: f64,
 }
 
 impl Default for PlanningSection {
@@ -447,6 +455,10 @@ impl Default for PlanningSection {
             min_fix_quality: 8.0,
             max_speed_mps: 2.0,
             max_accel_mps2: 2.0,
+            max_jerk_mps3: 12.0,
+            max_snap_mps4: 150.0,
+            max_yaw_rate_degps: 45.0,
+            max_yaw_accel_degps2: 90.0,
         }
     }
 }

@@ -14,10 +14,11 @@
 //! The error's step is in `propagation`. Checked: `transition_matches_central_difference`.
 #![expect(non_snake_case, reason = "matrices carry the letters of the equations")]
 
+use super::place_errors::PlaceErrors;
 use super::propagation::{Error, Transition};
 use crate::geometry::{Body, Direction, Hall, Point, Transform};
 use crate::messages::state::{ACCEL_BIAS, ATT, GYRO_BIAS, POS, SIZE, VEL};
-use crate::messages::{FixOutcome, ImuSample, NavEstimate};
+use crate::messages::{FixOutcome, ImuSample, NavEstimate, TagSensitivity};
 use crate::stats::chi2_gate_99;
 use crate::time::{Mono, Stamp};
 use crate::units::GRAVITY_MPS2;
@@ -63,8 +64,25 @@ pub struct FilterState {
     pub gyro_bias_radps: Vector3<f64>,
     /// Accelerometer bias in body axes, m/s².
     pub accel_bias_mps2: Vector3<f64>,
-    /// Covariance of the error state, 15×15.
+    /// Covariance of the error state, 15×15, but for what misplaced tags do to it.
     pub P: Covariance,
+    /// What misplaced tags do to it; `None` where the marker map counts as exact.
+    pub places: Option<Box<PlaceErrors>>,
+}
+
+/// A pose to fuse, with what it owes to the places of the tags that it was found from.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlacedFix {
+    /// The pose and the covariance that its pixels give it.
+    pub outcome: FixOutcome,
+    /// Its derivatives by the mapped places; empty where the map counts as exact.
+    pub by_place: Vec<TagSensitivity>,
+}
+
+impl From<FixOutcome> for PlacedFix {
+    fn from(outcome: FixOutcome) -> Self {
+        Self { outcome, by_place: Vec::new() }
+    }
 }
 
 /// How a pose met the state.
@@ -114,7 +132,14 @@ impl FilterState {
             gyro_bias_radps: self.gyro_bias_radps,
             accel_bias_mps2: self.accel_bias_mps2,
             P: step.transition.propagated_cov(&self.P, noise),
+            places: self.places.as_ref().map(|places| Box::new(places.stepped(&step.transition))),
         }
+    }
+
+    /// Covariance of the error state with all that is known of it, 15×15: P and misplaced tags.
+    #[must_use]
+    pub fn total_cov(&self) -> Covariance {
+        self.places.as_ref().map_or(self.P, |places| self.P + places.cov())
     }
 
     /// Φ of the error from this state to `until`; nothing moves backwards.
@@ -125,10 +150,19 @@ impl FilterState {
     /// Measures a pose against this state without changing it.
     #[must_use]
     pub fn innovation(&self, fix: &FixOutcome) -> Innovation {
+        self.innovation_of(fix, &[])
+    }
+
+    /// The same for a pose that answers the places of tags with `by_place`.
+    pub(super) fn innovation_of(
+        &self,
+        fix: &FixOutcome,
+        by_place: &[TagSensitivity],
+    ) -> Innovation {
         let dp = (fix.hall_from_body.origin - self.hall_from_body.origin).coords;
         let dr = fix.hall_from_body.rotation.minus(&self.hall_from_body.rotation);
         let pose = Vector6::new(dp.x, dp.y, dp.z, dr.x, dr.y, dr.z);
-        let S = self.P.fixed_view::<6, 6>(0, 0) + fix.pose_cov;
+        let S = self.against(by_place).1 + fix.pose_cov;
         // Without a factor nothing can be said of the fix: outside of every gate, yet a number.
         let nis = S.cholesky().map_or(f64::MAX, |c| pose.dot(&c.solve(&pose)));
         Innovation { pose, cov: S, nis, nis_gate: chi2_gate_99(6) }
@@ -141,11 +175,48 @@ impl FilterState {
     /// ```
     /// `None` and no change where S has no Cholesky factor.
     pub fn fuse(&mut self, fix: &FixOutcome, innovation: &Innovation) -> Option<Gain> {
-        let S = self.P.fixed_view::<6, 6>(0, 0) + fix.pose_cov;
-        let K = self.P.fixed_columns::<6>(0) * S.cholesky()?.inverse();
+        self.fuse_placed(fix, &[], innovation)
+    }
+
+    /// The same for a pose that answers the places of tags with `by_place`: it measures
+    /// `H e − Σ F_t τ_t`, so `V_t = K F_t`.
+    pub(super) fn fuse_placed(
+        &mut self,
+        fix: &FixOutcome,
+        by_place: &[TagSensitivity],
+        innovation: &Innovation,
+    ) -> Option<Gain> {
+        let (cross, own) = self.against(by_place);
+        let S = own + fix.pose_cov;
+        let K = cross * S.cholesky()?.inverse();
         let gain = Gain { first: 0, U: K };
         self.absorb(&gain, &K, &fix.pose_cov, &innovation.pose);
+        if let Some(places) = &mut self.places {
+            places.add(by_place.iter().map(|tag| (tag.tag_idx, K * tag.pose_by_place)));
+        }
         Some(gain)
+    }
+
+    /// Covariances of the error, and of `H e − Σ F_t τ_t`, with `H e − Σ F_t τ_t`: 15×6 and 6×6.
+    ///
+    /// ```text
+    /// P_tot Hᵀ − Σ σ² E_t F_tᵀ,   H P_tot Hᵀ + Σ σ² (F_t F_tᵀ − H E_t F_tᵀ − F_t E_tᵀ Hᵀ)
+    /// ```
+    fn against(&self, by_place: &[TagSensitivity]) -> (SMatrix<f64, SIZE, 6>, Matrix6<f64>) {
+        let P = self.total_cov();
+        let mut cross = P.fixed_columns::<6>(0).into_owned();
+        let mut own = P.fixed_view::<6, 6>(0, 0).into_owned();
+        if let Some(places) = &self.places {
+            let var_m2 = places.sigma_m().powi(2);
+            for tag in by_place {
+                let F = tag.pose_by_place * var_m2;
+                let EF = places.share(tag.tag_idx) * F.transpose();
+                cross -= EF;
+                let pose_part = EF.fixed_rows::<6>(0);
+                own += F * tag.pose_by_place.transpose() - pose_part - pose_part.transpose();
+            }
+        }
+        (cross, own)
     }
 
     /// Fuses that the vehicle stands: no velocity, and a gyroscope that shows its bias; only within
@@ -160,12 +231,13 @@ impl FilterState {
         let z = Vector6::new(v.x, v.y, v.z, b.x, b.y, b.z);
         let (r_v, r_b) = (STANDSTILL_SIGMA_MPS.powi(2), STANDSTILL_GYRO_SIGMA_RADPS.powi(2));
         let R = Matrix6::from_diagonal(&Vector6::new(r_v, r_v, r_v, r_b, r_b, r_b));
-        let S = self.P.fixed_view::<6, 6>(VEL.start, VEL.start) + R;
+        let P = self.total_cov();
+        let S = P.fixed_view::<6, 6>(VEL.start, VEL.start) + R;
         let factor = S.cholesky();
         let nis = factor.as_ref().map_or(f64::MAX, |S| z.dot(&S.solve(&z)));
         let innovation = Innovation { pose: z, cov: S, nis, nis_gate: chi2_gate_99(6) };
         let gain = factor.filter(|_| innovation.is_within_gate()).map(|S| {
-            let K = self.P.fixed_columns::<6>(VEL.start) * S.inverse();
+            let K = P.fixed_columns::<6>(VEL.start) * S.inverse();
             let gain = Gain { first: VEL.start, U: K };
             self.absorb(&gain, &K, &R, &z);
             gain
@@ -181,12 +253,20 @@ impl FilterState {
         N: &Matrix6<f64>,
         z: &Vector6<f64>,
     ) {
+        self.absorb_parts(gain, &((W * N) * W.transpose()), &(W * z));
+    }
+
+    /// `P⁺ = (I − U H) P (I − U H)ᵀ + noise` and the nominal state moved by `error`.
+    pub(super) fn absorb_parts(&mut self, gain: &Gain, noise: &Covariance, error: &Error) {
         let mut AP = self.P;
         gain.apply(&mut AP);
         let right = AP.fixed_columns::<6>(gain.first) * gain.U.transpose();
-        let P = AP - right + (W * N) * W.transpose();
+        let P = AP - right + noise;
         self.P = (P + P.transpose()) * 0.5;
-        self.correct(&(W * z));
+        if let Some(places) = &mut self.places {
+            places.apply(gain);
+        }
+        self.correct(error);
     }
 
     /// Moves the nominal state by an error.
@@ -208,7 +288,7 @@ impl FilterState {
             gyro_radps: gyro_radps - self.gyro_bias_radps,
             gyro_bias_radps: self.gyro_bias_radps,
             accel_bias_mps2: self.accel_bias_mps2,
-            error_cov: self.P,
+            error_cov: self.total_cov(),
             reset_counter,
         }
     }
@@ -268,6 +348,7 @@ mod tests {
             gyro_bias_radps: Vector3::new(0.01, -0.02, 0.005),
             accel_bias_mps2: Vector3::new(0.1, 0.05, -0.08),
             P: Covariance::identity() * 0.01,
+            places: None,
         }
     }
 

@@ -7,6 +7,7 @@ use super::filter::{Covariance, FilterState, ImuNoise};
 use super::frozen::FrozenWatch;
 use super::imu_clock::{ImuClock, Tick};
 use super::marker_map::MarkerMap;
+use super::place_errors::PlaceErrors;
 use super::ring::{Insertion, Ring};
 use super::start::{PadPose, RestWindow, aligned};
 use super::tag_health::{TagHealth, TagName};
@@ -86,6 +87,10 @@ pub struct Localizer {
     imu_clock: ImuClock,
     last_imu: Option<ImuSample>,
     last_fused_at: Option<Stamp<Mono>>,
+    /// When tags and filter agreed for the last time, whatever happened since.
+    last_agreed_at: Option<Stamp<Mono>>,
+    /// Poses after this were found to be wrong; nobody asked yet.
+    doubtful_since: Option<Stamp<Mono>>,
     gated: GatedStreak,
     reset_counter: u8,
     /// The newest sample when the present ring began.
@@ -144,6 +149,8 @@ impl Localizer {
             imu_clock: ImuClock::default(),
             last_imu: None,
             last_fused_at: None,
+            last_agreed_at: None,
+            doubtful_since: None,
             gated: GatedStreak::default(),
             reset_counter: 0,
             began_at: None,
@@ -164,6 +171,12 @@ impl Localizer {
     /// What people should know, since the last call.
     pub fn take_notices(&mut self) -> Vec<StatusText> {
         std::mem::take(&mut self.notices)
+    }
+
+    /// If the filter was found to be wrong since the last call: when it was right for the last time.
+    /// What was seen from its poses after that is in doubt.
+    pub const fn take_doubt(&mut self) -> Option<Stamp<Mono>> {
+        self.doubtful_since.take()
     }
 
     /// Records of attempts to fuse something else than a frame, since the last call.
@@ -237,6 +250,7 @@ impl Localizer {
         // On its declared pad the vehicle knows where it is without a tag.
         if is_fused && self.placement == Placement::Pad {
             self.last_fused_at = self.last_fused_at.max(Some(at));
+            self.last_agreed_at = self.last_agreed_at.max(Some(at));
         }
         let record = self.standstill.record.get_or_insert_with(|| standstill_record(at));
         record.at = at;
@@ -249,8 +263,10 @@ impl Localizer {
         }
     }
 
-    fn begin_ring(&mut self, state: FilterState, last_imu: ImuSample) {
+    fn begin_ring(&mut self, mut state: FilterState, last_imu: ImuSample) {
         let at = state.at;
+        let place_sigma_m = self.settings.marker_map.place_sigma_m();
+        state.places = state.places.or_else(|| PlaceErrors::new(place_sigma_m));
         let mut ring = Ring::new(state, last_imu, self.settings.imu_noise, self.settings.ring_span);
         self.rest.after(at).for_each(|imu| ring.push_imu(*imu));
         ring.push_imu(last_imu);
@@ -284,7 +300,7 @@ impl Localizer {
     }
 
     /// The error of the pose at an instant of the ring, chained to the one at `previous`: the
-    /// instant of the scan before. Both hold as long as no frame captured before `at` arrives.
+    /// instant of the scan before; misplaced tags stand apart from its covariance. Both hold as long as no frame captured before `at` arrives.
     #[must_use]
     pub fn pose_error_at(
         &self,
@@ -304,12 +320,15 @@ impl Localizer {
             from_previous,
             velocity_mps: state.velocity_mps,
             rate_radps,
-            tags: self.tag_sensitivities(&state.hall_from_body),
+            tags: state.places.as_ref().map_or_else(
+                || self.tag_sensitivities(&state.hall_from_body),
+                |places| places.sensitivities(),
+            ),
         })
     }
 
-    /// What errors in the places of the tags of the latest fused frame do to a fix from this pose.
-    /// The filter's pose follows once it has seen them for some seconds.
+    /// For a map that counts as exact: what errors in the places of the tags of the latest fused
+    /// frame would do to a fix from this pose.
     fn tag_sensitivities(&self, hall_from_body: &Transform<Hall, Body>) -> Vec<TagSensitivity> {
         let Some((camera_idx, tags)) = &self.last_fused_tags else { return Vec::new() };
         let Some(camera) = self.cameras.get(*camera_idx) else { return Vec::new() };
@@ -325,8 +344,12 @@ impl Localizer {
     /// The largest position σ of the newest belief, m.
     #[must_use]
     pub fn position_sigma_m(&self) -> Option<f64> {
-        let state = self.placed_ring()?.newest();
-        Some((0..3).map(|axis| state.P[(axis, axis)].max(0.0).sqrt()).fold(0.0, f64::max))
+        let cov = self.placed_ring()?.newest().total_cov();
+        // What is not a number is not known at all; `max` would pass it over.
+        let sigma_m = |var_m2: f64| {
+            if var_m2.is_finite() { var_m2.max(0.0).sqrt() } else { f64::INFINITY }
+        };
+        Some((0..3).map(|axis| sigma_m(cov[(axis, axis)])).fold(0.0, f64::max))
     }
 
     /// Whether the pose can be flown on.

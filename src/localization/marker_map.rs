@@ -104,6 +104,12 @@ impl MarkerMap {
         self.tags.contains_key(&key).then(|| self.tags.range(..key).count())
     }
 
+    /// The place of a point in the order of [`Self::points`], after all tags, if it is mapped.
+    #[must_use]
+    pub fn point_index(&self, id: u32) -> Option<usize> {
+        self.points.contains_key(&id).then(|| self.tags.len() + self.points.range(..id).count())
+    }
+
     /// Place of a point that belongs to no tag, if it is mapped.
     #[must_use]
     pub fn point(&self, id: u32) -> Option<Point<Hall>> {

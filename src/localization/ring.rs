@@ -4,10 +4,10 @@
 //! later entries are computed again; so the result does not depend on the order of arrival.
 #![expect(non_snake_case, reason = "matrices carry the letters of the equations")]
 
-use super::filter::{Covariance, FilterState, Gain, ImuNoise, Innovation};
+use super::filter::{Covariance, FilterState, Gain, ImuNoise, Innovation, PlacedFix};
 use super::tight_update::{self, Frame, TightOutcome};
 use crate::geometry::{Body, Hall, Point, Transform};
-use crate::messages::{FixOutcome, ImuSample};
+use crate::messages::ImuSample;
 use crate::time::{Mono, Stamp};
 use nalgebra::{Matrix6, Vector3};
 use std::collections::VecDeque;
@@ -16,7 +16,7 @@ use std::time::Duration;
 #[derive(Debug, Clone)]
 enum Input {
     Imu(Covered),
-    Fix(Box<FixOutcome>),
+    Fix(Box<PlacedFix>),
     Frame(Box<FrameInput>),
     /// The vehicle stands: no velocity, and this mean of the gyroscope.
     Standstill(Vector3<f64>),
@@ -33,7 +33,7 @@ struct Covered {
 #[derive(Debug, Clone)]
 struct FrameInput {
     frame: Frame,
-    fallback: Option<FixOutcome>,
+    fallback: Option<PlacedFix>,
 }
 
 #[derive(Debug, Clone)]
@@ -81,7 +81,7 @@ pub struct FramePlaced {
     /// Its points, one by one.
     pub tight: TightOutcome,
     /// The fix that stood in for points that were refused, and how it met the state.
-    pub fallback: Option<(FixOutcome, Innovation)>,
+    pub fallback: Option<(PlacedFix, Innovation)>,
 }
 
 /// A sample stands for this long without a penalty, s: three periods of a slow autopilot.
@@ -140,12 +140,13 @@ impl Ring {
     }
 
     /// Puts a fix at its own time; fuses it as long as it passes the gate.
-    pub fn insert_fix(&mut self, at: Stamp<Mono>, fix: FixOutcome) -> Insertion {
+    pub fn insert_fix(&mut self, at: Stamp<Mono>, fix: impl Into<PlacedFix>) -> Insertion {
+        let fix = fix.into();
         match self.place_of(at) {
             Err(refusal) => refusal,
             Ok(place) => {
                 let (mut state, _) = self.before(place, at);
-                let innovation = state.innovation(&fix);
+                let innovation = state.innovation_of(&fix.outcome, &fix.by_place);
                 let gain = fused(&mut state, &fix, &innovation);
                 // A refused fix stays too: another that arrives later may lie before it and speak
                 // for it.
@@ -161,7 +162,7 @@ impl Ring {
         &mut self,
         at: Stamp<Mono>,
         frame: Frame,
-        fallback: impl FnOnce(&FilterState, &Vector3<f64>) -> Option<FixOutcome>,
+        fallback: impl FnOnce(&FilterState, &Vector3<f64>) -> Option<PlacedFix>,
     ) -> FrameInsertion {
         let place = match self.place_of(at) {
             Ok(place) => place,
@@ -172,7 +173,7 @@ impl Ring {
         let (tight, mut gain) = tight_update::fuse(&mut state, &rate_radps, &frame);
         let fallback = if tight.is_fused { None } else { fallback(&state, &rate_radps) };
         let fallback = fallback.map(|fix| {
-            let innovation = state.innovation(&fix);
+            let innovation = state.innovation_of(&fix.outcome, &fix.by_place);
             gain = fused(&mut state, &fix, &innovation).map(|boxed| *boxed);
             (fix, innovation)
         });
@@ -196,11 +197,20 @@ impl Ring {
         }
     }
 
+    /// How far the newest inertial sample carries. Frames do not move this on: without samples
+    /// nothing says how the vehicle moves.
+    fn covered_until(&self) -> Stamp<Mono> {
+        let is_imu = |entry: &&Entry| matches!(entry.input, Input::Imu(_));
+        // A ring is made with a sample, and the newest one is never dropped before others.
+        let last = self.entries.iter().rev().find(is_imu);
+        last.map_or(self.oldest_at(), |entry| entry.state.at).plus(FUTURE_TOLERANCE)
+    }
+
     /// Where an input of this time belongs, if it belongs at all.
     fn place_of(&self, at: Stamp<Mono>) -> Result<usize, Insertion> {
         if at < self.oldest_at() {
             Err(Insertion::TooOld)
-        } else if at > self.newest().at.plus(FUTURE_TOLERANCE) {
+        } else if at > self.covered_until() {
             Err(Insertion::FromTheFuture)
         } else {
             Ok(self.entries.partition_point(|entry| entry.state.at <= at))
@@ -265,7 +275,7 @@ impl Ring {
     /// [`Self::state_at`]. Checked: `transition_matches_a_cloned_error`.
     #[must_use]
     pub fn error_transition(&self, from: Stamp<Mono>, to: Stamp<Mono>) -> Option<Covariance> {
-        if to < from || to > self.newest().at.plus(FUTURE_TOLERANCE) {
+        if to < from || to > self.covered_until() {
             return None;
         }
         let start = self.state_at(from)?;
@@ -331,7 +341,7 @@ impl Ring {
             entry.gain = match &entry.input {
                 Input::Imu(_) => None,
                 Input::Fix(fix) => {
-                    let innovation = state.innovation(fix);
+                    let innovation = state.innovation_of(&fix.outcome, &fix.by_place);
                     fused(&mut state, fix, &innovation)
                 }
                 Input::Frame(input) => judged_again(&mut state, &rate_radps, input),
@@ -351,18 +361,19 @@ fn judged_again(
     let (_, gain) = tight_update::fuse(state, rate_radps, &input.frame);
     gain.map(Box::new).or_else(|| {
         let fix = input.fallback.as_ref()?;
-        let innovation = state.innovation(fix);
+        let innovation = state.innovation_of(&fix.outcome, &fix.by_place);
         fused(state, fix, &innovation)
     })
 }
 
 /// Fuses a fix within its gate.
-fn fused(state: &mut FilterState, fix: &FixOutcome, innovation: &Innovation) -> Option<Box<Gain>> {
-    innovation.is_within_gate().then(|| state.fuse(fix, innovation).map(Box::new)).flatten()
+fn fused(state: &mut FilterState, fix: &PlacedFix, innovation: &Innovation) -> Option<Box<Gain>> {
+    let fuse = || state.fuse_placed(&fix.outcome, &fix.by_place, innovation).map(Box::new);
+    innovation.is_within_gate().then(fuse).flatten()
 }
 
 fn pose_cov(state: &FilterState) -> Matrix6<f64> {
-    state.P.fixed_view::<6, 6>(0, 0).into_owned()
+    state.total_cov().fixed_view::<6, 6>(0, 0).into_owned()
 }
 
 #[cfg(test)]

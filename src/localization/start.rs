@@ -145,6 +145,7 @@ pub(super) fn aligned(at: Stamp<Mono>, rest: &Rest, pad: Option<&PadPose>) -> Fi
         gyro_bias_radps: rest.gyro_radps,
         accel_bias_mps2: Vector3::zeros(),
         P: Covariance::zeros(),
+        places: None,
     };
     let position_sigma_m = pad.map_or(UNKNOWN_POSITION_SIGMA_M, |pad| pad.position_sigma_m);
     let yaw_sigma_rad = pad.map_or(UNKNOWN_YAW_SIGMA_RAD, |pad| pad.yaw_sigma_rad);

@@ -6,16 +6,19 @@
 //! Λ₋, η₋ from the accepted points of the others,   C = (P̃⁻¹ + Λ₋)⁻¹,   ĉ = C η₋
 //! d² = (r − J ĉ)ᵀ (I + J C Jᵀ)⁻¹ (r − J ĉ)         8 degrees of freedom
 //! ```
+//! Where tags may hang beside their mapped places, each of them sees a pose of its own, and C is
+//! that pose's (see `tight_update::placed`): a tag that hangs as well as it was surveyed is good.
 //! A tag that fails in many frames is excluded, by name; it comes back once it has agreed for long.
 //! Where most tags of a frame fail, the state is at fault, and nobody is blamed.
 #![expect(non_snake_case, reason = "matrices carry the letters of the equations")]
 
 use super::filter::FilterState;
+use super::tight_update::placed::{self, JointPosterior, JointPrior};
 use super::tight_update::{
     Frame, Information, PosePrior, Projector, Residual, Viewpoint, weight_of,
 };
 use crate::messages::{Severity, StatusText, TagFamily};
-use nalgebra::{SMatrix, SVector};
+use nalgebra::{Matrix6, SMatrix, SVector, Vector6};
 use std::collections::BTreeMap;
 use std::ops::Range;
 
@@ -109,13 +112,14 @@ impl TagHealth {
         frame: &Frame,
         tags: &[TagPoints],
     ) -> Option<Vec<(TagName, bool)>> {
-        let sigma = |k: usize| state.P[(k, k)].max(0.0).sqrt();
+        let cov = state.total_cov();
+        let sigma = |k: usize| cov[(k, k)].max(0.0).sqrt();
         let is_certain = (0..3).all(|k| sigma(k) <= MAX_POSITION_SIGMA_M)
             && (3..6).all(|k| sigma(k) <= MAX_ATTITUDE_SIGMA_RAD);
         if !is_certain || tags.len() < 2 {
             return None;
         }
-        let prior = PosePrior::new(state, &view.motion(), frame.capture_sigma_s)?;
+        let prior = Prior::new(state, view, frame, tags)?;
         let projector = Projector::new(frame, view);
         let residuals: Vec<Vec<Residual>> = tags
             .iter()
@@ -127,9 +131,10 @@ impl TagHealth {
         let said: Vec<Information> = tags
             .iter()
             .zip(&residuals)
-            .map(|(tag, residuals)| {
+            .enumerate()
+            .map(|(k, (tag, residuals))| {
                 let points = if self.is_excluded(tag.name) { &[][..] } else { residuals };
-                accepted(&prior, points)
+                prior.accepted(k, points)
             })
             .collect();
         let all = said.iter().fold(Information::none(), |sum, one| sum.plus(one));
@@ -138,13 +143,17 @@ impl TagHealth {
         };
         let n_all: usize =
             tags.iter().zip(&residuals).map(|(tag, points)| n_heard(tag.name, points)).sum();
+        let court = prior.court(&said, all)?;
         let mut verdicts = Vec::new();
         for (k, tag) in tags.iter().enumerate() {
             let others = all.minus(&said[k]);
             let n_others = n_all - n_heard(tag.name, &residuals[k]);
             let is_supported =
                 others.n_points >= MIN_OTHER_POINTS && 2 * others.n_points >= n_others;
-            if is_supported && let Some(is_good) = agrees(&prior, &residuals[k], &others) {
+            if is_supported
+                && let Some(expected) = court.expects(k, &said[k])
+                && let Some(is_good) = agrees(&residuals[k], &expected)
+            {
                 verdicts.push((tag.name, is_good));
             }
         }
@@ -152,22 +161,106 @@ impl TagHealth {
     }
 }
 
-/// What the points say that pass their gates against the prior.
-fn accepted(prior: &PosePrior, points: &[Residual]) -> Information {
-    let mut said = Information::none();
-    for residual in points {
-        if let Some(weight) = weight_of(prior.distance2(residual)) {
-            said.add(residual, weight);
-        }
-    }
-    said
+/// What the state believes of the pose that each tag sees.
+enum Prior {
+    /// The same pose: the tags hang where the map says.
+    Exact(PosePrior),
+    /// Each its own: they may hang beside it.
+    Placed(JointPrior),
 }
 
-/// Whether four corners agree with the state and other points; `None` if not all four are seen.
-fn agrees(prior: &PosePrior, own: &[Residual], others: &Information) -> Option<bool> {
+/// The same with what the tags of a frame say.
+enum Court<'a> {
+    Exact(&'a PosePrior, Information),
+    Placed {
+        posterior: Box<JointPosterior<'a>>,
+        /// What the residuals of each tag leave at its own pose.
+        left: Vec<Information>,
+    },
+}
+
+/// The pose that a tag should see by the word of the state and the others.
+struct Expected {
+    shift: Vector6<f64>,
+    cov: Matrix6<f64>,
+    /// How the others scatter, 1 where they are as good as said.
+    excess: f64,
+}
+
+impl Prior {
+    fn new(
+        state: &FilterState,
+        view: &Viewpoint,
+        frame: &Frame,
+        tags: &[TagPoints],
+    ) -> Option<Self> {
+        let (motion, sigma_s) = (view.motion(), frame.capture_sigma_s);
+        let Some(errors) = &state.places else {
+            return PosePrior::new(state, &motion, sigma_s).map(Self::Exact);
+        };
+        let place_of = |tag: &TagPoints| Some(frame.points.get(tag.range.start)?.place_idx);
+        let places = tags.iter().map(place_of).collect::<Option<Vec<_>>>()?;
+        JointPrior::new(state, errors, &motion, sigma_s, places).map(Self::Placed)
+    }
+
+    /// What the points of the k-th tag say that pass their gates against the state.
+    fn accepted(&self, k: usize, points: &[Residual]) -> Information {
+        let view_cov = match self {
+            Self::Exact(_) => None,
+            Self::Placed(prior) => Some(prior.view_cov(k)),
+        };
+        let mut said = Information::none();
+        for residual in points {
+            let distance2 = match (self, &view_cov) {
+                (Self::Exact(prior), _) => prior.distance2(residual),
+                (Self::Placed(prior), cov) => {
+                    placed::distance2(cov.as_ref().unwrap_or(&prior.cov), residual)
+                }
+            };
+            if let Some(weight) = weight_of(distance2) {
+                said.add(residual, weight);
+            }
+        }
+        said
+    }
+
+    fn court(&self, said: &[Information], all: Information) -> Option<Court<'_>> {
+        Some(match self {
+            Self::Exact(prior) => Court::Exact(prior, all),
+            Self::Placed(prior) => {
+                let posterior = Box::new(prior.posterior(said)?);
+                let left =
+                    said.iter().enumerate().map(|(k, said)| said.left_at(&posterior.view(k)));
+                Court::Placed { left: left.collect(), posterior }
+            }
+        })
+    }
+}
+
+impl Court<'_> {
+    /// The pose that the k-th tag, which `said` this, should see by the word of the others.
+    fn expects(&self, k: usize, said: &Information) -> Option<Expected> {
+        match self {
+            Self::Exact(prior, all) => {
+                let others = all.minus(said);
+                let cov = prior.posterior(&others.Lambda)?;
+                let shift = cov * others.eta;
+                Some(Expected { shift, cov, excess: others.excess_at(&shift) })
+            }
+            Self::Placed { posterior, left } => {
+                let (shift, cov) = posterior.view_without(k, said)?;
+                let others = left.iter().enumerate().filter(|(other, _)| *other != k);
+                let others = others.fold(Information::none(), |sum, (_, one)| sum.plus(one));
+                Some(Expected { shift, cov, excess: others.excess_at(&Vector6::zeros()) })
+            }
+        }
+    }
+}
+
+/// Whether four corners agree with what is expected of them; `None` if not all four are seen.
+fn agrees(own: &[Residual], expected: &Expected) -> Option<bool> {
     let own: &[Residual; 4] = own.try_into().ok()?;
-    let C = prior.posterior(&others.Lambda)?;
-    let c = C * others.eta;
+    let Expected { shift: c, cov: C, excess } = expected;
     let mut r = SVector::<f64, 8>::zeros();
     let mut J = SMatrix::<f64, 8, 6>::zeros();
     for (k, residual) in own.iter().enumerate() {
@@ -177,5 +270,5 @@ fn agrees(prior: &PosePrior, own: &[Residual], others: &Information) -> Option<b
     let S = SMatrix::<f64, 8, 8>::identity() + J * C * J.transpose();
     let distance2 = r.dot(&S.cholesky()?.solve(&r));
     // Where the other corners scatter more than they should, this tag may too.
-    Some(distance2 <= TAG_GATE * others.excess_at(&c).max(1.0))
+    Some(distance2 <= TAG_GATE * excess.max(1.0))
 }

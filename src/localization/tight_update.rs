@@ -25,8 +25,11 @@
 //!
 //! A rolling shutter moves each corner's pose by velocity and rate times its row's offset. The
 //! errors of both are left out there: 0.05 m/s over 10 ms is half a millimetre.
+//! Where tags may hang beside their mapped places: [`placed`].
 //! Checked: `compressed_update_equals_the_stacked_one`, `tests/consistency`.
 #![expect(non_snake_case, reason = "matrices carry the letters of the equations")]
+
+pub(super) mod placed;
 
 use super::camera_model::CameraModel;
 use super::filter::{FilterState, Gain};
@@ -56,6 +59,9 @@ pub struct Sighting {
     pub pixel: Vector2<f64>,
     /// When its row was exposed, relative to the frame's stamp, s.
     pub offset_s: f64,
+    /// The surveyed place that it hangs on, by its number in the marker map: the corners of a tag
+    /// share one, and follow each other in a frame.
+    pub place_idx: usize,
 }
 
 /// The mapped points of one frame.
@@ -83,7 +89,7 @@ pub struct TightOutcome {
     /// ĉ: where the points, weighed against the state, see the pose: position in hall axes (m),
     /// attitude in body axes (rad).
     pub shift: Vector6<f64>,
-    /// Covariance that ĉ should have, 6×6: P̃ − (P̃⁻¹ + Λ)⁻¹.
+    /// Covariance that ĉ should have, 6×6: what the points took off P̃.
     pub shift_cov: Matrix6<f64>,
     /// Normalised innovation squared of all points used, with 2 degrees of freedom each.
     pub nis: f64,
@@ -233,6 +239,13 @@ impl Information {
         left / n
     }
 
+    /// The same about the pose moved by `c`: what its residuals leave there.
+    pub(super) fn left_at(&self, c: &Vector6<f64>) -> Self {
+        let pulled = self.Lambda * c;
+        let squares = self.squares - 2.0 * c.dot(&self.eta) + c.dot(&pulled);
+        Self { eta: self.eta - pulled, squares, ..*self }
+    }
+
     fn scaled(&self, by: f64) -> Self {
         Self {
             Lambda: self.Lambda * by,
@@ -293,10 +306,11 @@ pub(super) fn weight_of(distance2: f64) -> Option<f64> {
     }
 }
 
-/// One pass over all points from `view` moved by `c`; gates against the prior in the first pass,
+/// One pass over points of a frame from `view` moved by `c`; gates against the prior in the first pass,
 /// against the residuals afterwards.
 fn collect(
     frame: &Frame,
+    points: &[Sighting],
     view: &Viewpoint,
     c: &Vector6<f64>,
     gate: impl Fn(&Residual) -> f64,
@@ -305,7 +319,7 @@ fn collect(
     let by_turn = (turn.norm() > 0.0).then(|| right_jacobian_so3(&turn));
     let projector = Projector::new(frame, &view.shifted(c));
     let mut all = Information::none();
-    for point in &frame.points {
+    for point in points {
         let Some(mut residual) = projector.residual(point) else { continue };
         let Some(weight) = weight_of(gate(&residual)) else { continue };
         if let Some(J_r) = &by_turn {
@@ -325,13 +339,13 @@ struct Settled {
 
 fn settle(frame: &Frame, view: &Viewpoint, prior: &PosePrior) -> Option<Settled> {
     let mut c = Vector6::zeros();
-    let mut points = collect(frame, view, &c, |residual| prior.distance2(residual));
+    let mut points = collect(frame, &frame.points, view, &c, |residual| prior.distance2(residual));
     for _ in 1..MAX_PASSES {
         let next = prior.posterior(&points.Lambda)? * (points.eta + points.Lambda * c);
         let step = next - c;
         c = next;
         let n_before = points.n_points;
-        points = collect(frame, view, &c, |residual| residual.r.norm_squared());
+        points = collect(frame, &frame.points, view, &c, |residual| residual.r.norm_squared());
         let is_settled = step.fixed_rows::<3>(0).norm() < SETTLED_M
             && step.fixed_rows::<3>(3).norm() < SETTLED_RAD;
         if is_settled && points.n_points == n_before {
@@ -360,6 +374,11 @@ pub fn fuse(
         nis_gate: chi2_gate_99(2 * frame.points.len()),
         sigma_factor: 1.0,
     };
+    if let Some(errors) = state.places.clone() {
+        let gain = placed::fuse(state, &errors, &view, frame, &mut outcome);
+        outcome.is_fused = gain.is_some();
+        return (outcome, gain);
+    }
     let gain = PosePrior::new(state, &motion, frame.capture_sigma_s).and_then(|prior| {
         let Settled { c, points } = settle(frame, &view, &prior)?;
         outcome.n_used = points.n_points;

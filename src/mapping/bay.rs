@@ -36,6 +36,8 @@ pub struct BayOnGrid {
     pub base: Base,
     /// Where the base was taken, and the area of the bay there, m²: one entry per cell that counts.
     pub areas: Vec<(Place, f64)>,
+    /// The base is an earlier survey's, one height per cell.
+    pub is_over_survey: bool,
     /// The material's bulk density, if tonnes are wanted.
     pub density: Option<Density>,
 }
@@ -133,7 +135,8 @@ impl Bay {
             }
         }
         base.errors = self.base.errors(&areas);
-        BayOnGrid { name: self.name.clone(), base, areas, density: self.density }
+        let is_over_survey = matches!(self.base, BaseSurface::Survey(_));
+        BayOnGrid { name: self.name.clone(), base, areas, is_over_survey, density: self.density }
     }
 
     /// Checks that something is left of the bay and that its base is known everywhere.
@@ -154,22 +157,20 @@ impl Bay {
 }
 
 impl BayOnGrid {
-    /// The account of this bay's volume under a surface (one height per cell, m, and the volume that
-    /// its solver is known to have left out, m³), whose variance
-    /// `budget` itemises; the density's row is added here.
+    /// The account of this bay's volume, m³, under a surface of one height per cell, m; `budget`
+    /// itemises its variance, and the density's row is added here.
     ///
     /// `range_m` is how far a seen cell speaks for its neighbours.
     #[must_use]
     pub fn account(
         &self,
         at: Stamp<Mono>,
-        (surface_m, left_m3): (&[f64], f64),
+        (volume_m3, surface_m): (f64, &[f64]),
         mut budget: VolumeBudget,
         seen: &SeenCells,
         range_m: f64,
     ) -> VolumeAccount {
         let base = &self.base;
-        let volume_m3 = base.volume_m3(surface_m) + left_m3;
         let sigma_m3 = budget.var_m6().max(0.0).sqrt();
         if let Some(density) = &self.density {
             budget.rows.push(density.budget_row(volume_m3, sigma_m3));

@@ -4,15 +4,16 @@
 //! volume by each datum:
 //!
 //! ```text
-//! q = Q⁻¹ w,   k_i = a_iᵀ q / R_i = ∂V/∂z_i
+//! q = Q⁻¹ w,   k_i = weight_i a_iᵀ q = ∂V/∂z_i
 //!
 //! prior            q_xᵀ Q₀ q_x
 //! beams            Σ_i k_i² R_white,i
+//! roughness        σ_ε² Σ_squares (Σ_{i in square} k_i)²
 //! pose             Σ_k s_kᵀ P_k (2 r_k − s_k),   s_k = Σ_{i∈k} k_i ∂z_i/∂χ,   r_k = s_k + A_{k+1}ᵀ r_{k+1}
 //! constant c       (σ_c Σ_i k_i ∂z_i/∂c)²
 //! tag t            |σ_m Σ_k E_{k,t}ᵀ s_k|²,   E_{k,t} = ∂χ_k/∂m_t
 //! ```
-//! - `w`: area of each node that counts, m²; `a_i`, `R_i`: row and variance of datum i
+//! - `w`: area of each node that counts, m²; `a_i`: row of datum i
 //! - `P_k`, `A_k`: covariance and transition of the error state at turn k, 15×15
 //!
 //! The errors of the pose at two turns j > k share `A_j … A_{k+1} P_k`; the sum over all pairs,
@@ -21,6 +22,7 @@
 
 use super::datum::{Datum, Linearization, Turn};
 use super::footprint::Footprint;
+use super::roughness::OCCLUSION_SHARE;
 use crate::messages::state::SIZE;
 use crate::messages::{BudgetRow, BudgetSource, SharedSensitivity, VolumeBudget};
 use nalgebra::{SMatrix, SVector, Vector3, Vector6};
@@ -47,15 +49,26 @@ pub struct CalibrationSigmas {
 #[derive(Debug, Clone)]
 struct Sums {
     beam_var_m6: f64,
-    roughness_var_m6: f64,
+    slope_var_m6: f64,
+    /// Σ k of the patches in each square, by its south-west node.
+    squares: Vec<f64>,
+    roughness_var_m2: f64,
     pose_var_m6: f64,
     /// r of the turn after the one at hand.
     r_next: SVector<f64, SIZE>,
+    /// By [`Footprint::lidar_idx`].
+    occlusion: f64,
+    lidars: Vec<LidarSums>,
+    tags: Vec<Vector3<f64>>,
+}
+
+/// What belongs to one LiDAR on its vehicle.
+#[derive(Debug, Clone, Copy, Default)]
+struct LidarSums {
     mount: Vector6<f64>,
     range_bias: f64,
     range_scale: f64,
     clock_offset: f64,
-    tags: Vec<Vector3<f64>>,
 }
 
 /// What the data contribute to the variance of volumes whose adjoints are `q_m2`, in their order.
@@ -68,7 +81,7 @@ pub fn data_budgets(
     q_m2: &[&[f64]],
     sigmas: &CalibrationSigmas,
 ) -> Vec<VolumeBudget> {
-    let mut sums = vec![Sums::new(); q_m2.len()];
+    let mut sums = vec![Sums::new(at.lattice.n_nodes()); q_m2.len()];
     let mut transition_to_next = SMatrix::<f64, SIZE, SIZE>::zeros();
     for footprint in footprints.iter().rev() {
         let s = add_turn(footprint, at, q_m2, &mut sums);
@@ -87,40 +100,50 @@ fn add_turn(
     q_m2: &[&[f64]],
     sums: &mut [Sums],
 ) -> Vec<Vector6<f64>> {
-    let turn = Turn::new(footprint, *at);
     let mut s = vec![Vector6::zeros(); q_m2.len()];
+    let Some(turn) = Turn::new(footprint, *at) else { return s };
     for patch in &footprint.patches {
         let Some(datum) = turn.datum(patch).filter(|datum| at.believes(datum)) else { continue };
         for (q, (sums, s)) in q_m2.iter().zip(sums.iter_mut().zip(&mut s)) {
-            let k = datum.row.value(q) / datum.var_m2();
+            let k = datum.row.value(q) * datum.weight_per_m2;
             *s += datum.by_pose * k;
-            sums.add(&datum, k);
+            sums.add(footprint.lidar_idx, &datum, k);
         }
     }
     s
 }
 
 impl Sums {
-    fn new() -> Self {
+    fn new(n_nodes: usize) -> Self {
         Self {
             beam_var_m6: 0.0,
-            roughness_var_m6: 0.0,
+            slope_var_m6: 0.0,
+            squares: vec![0.0; n_nodes],
+            roughness_var_m2: 0.0,
             pose_var_m6: 0.0,
             r_next: SVector::zeros(),
-            mount: Vector6::zeros(),
-            range_bias: 0.0,
-            range_scale: 0.0,
-            clock_offset: 0.0,
+            occlusion: 0.0,
+            lidars: Vec::new(),
             tags: Vec::new(),
         }
     }
 
-    fn add(&mut self, datum: &Datum, k: f64) {
+    fn lidar(&mut self, lidar_idx: usize) -> &mut LidarSums {
+        let n = self.lidars.len().max(lidar_idx + 1);
+        self.lidars.resize(n, LidarSums::default());
+        &mut self.lidars[lidar_idx]
+    }
+
+    fn add(&mut self, lidar_idx: usize, datum: &Datum, k: f64) {
         self.beam_var_m6 += k * k * datum.sensor_var_m2;
-        self.roughness_var_m6 += k * k * datum.roughness_var_m2;
-        self.mount += datum.by_mount * k;
-        self.range_bias += datum.by_range * k;
-        self.range_scale += datum.by_range * datum.range_m * k;
+        self.slope_var_m6 += k * k * datum.slope_var_m2;
+        self.squares[datum.row.nodes[0] as usize] += k;
+        self.roughness_var_m2 = datum.roughness_var_m2;
+        self.occlusion += datum.hidden_m * k;
+        let lidar = self.lidar(lidar_idx);
+        lidar.mount += datum.by_mount * k;
+        lidar.range_bias += datum.by_range * k;
+        lidar.range_scale += datum.by_range * datum.range_m * k;
     }
 
     /// Everything that follows from s of one turn.
@@ -137,7 +160,8 @@ impl Sums {
         self.pose_var_m6 += s.dot(&(error.cov * (r * 2.0 - s)));
         self.r_next = r;
         let (v, rate) = (error.velocity_mps, error.rate_radps);
-        self.clock_offset += s_pose.dot(&Vector6::new(v.x, v.y, v.z, rate.x, rate.y, rate.z));
+        let motion = Vector6::new(v.x, v.y, v.z, rate.x, rate.y, rate.z);
+        self.lidar(footprint.lidar_idx).clock_offset += s_pose.dot(&motion);
         for tag in &error.tags {
             if self.tags.len() <= tag.tag_idx {
                 self.tags.resize(tag.tag_idx + 1, Vector3::zeros());
@@ -156,17 +180,28 @@ impl Sums {
         };
         let mount_sigma =
             |c| if c < 3 { sigmas.mount_position_m } else { sigmas.mount_rotation_rad };
-        let mount =
-            (0..6).map(|c| one(BudgetSource::LidarMounting, c, self.mount[c], mount_sigma(c)));
-        let lidar = [
-            one(BudgetSource::RangeBias, 0, self.range_bias, sigmas.range_bias_m),
-            one(BudgetSource::RangeScale, 0, self.range_scale, sigmas.range_scale),
-            one(BudgetSource::ClockOffset, 0, self.clock_offset, sigmas.clock_offset_s),
-        ];
+        let of_lidar = |(idx, sums): (usize, &LidarSums)| {
+            let mount = sums.mount;
+            let axis = |c| one(BudgetSource::LidarMounting, 6 * idx + c, mount[c], mount_sigma(c));
+            let rest = [
+                one(BudgetSource::RangeBias, idx, sums.range_bias, sigmas.range_bias_m),
+                one(BudgetSource::RangeScale, idx, sums.range_scale, sigmas.range_scale),
+                one(BudgetSource::ClockOffset, idx, sums.clock_offset, sigmas.clock_offset_s),
+            ];
+            (0..6).map(axis).chain(rest).collect::<Vec<_>>()
+        };
+        let lidars = self.lidars.iter().enumerate().flat_map(of_lidar);
+        let ground = one(BudgetSource::Occlusion, 0, self.occlusion, OCCLUSION_SHARE.1);
         let tags = self.tags.iter().flatten().enumerate().map(|(component, &dv_dc)| {
             one(BudgetSource::MarkerMap, component, dv_dc, sigmas.tag_place_m)
         });
-        mount.chain(lidar).chain(tags).collect()
+        lidars.chain([ground]).chain(tags).collect()
+    }
+
+    /// What the nodes cannot show: heights common to a square, slopes of every patch by itself.
+    fn roughness_var_m6(&self) -> f64 {
+        let squares_m4: f64 = self.squares.iter().map(|k| k * k).sum();
+        self.slope_var_m6 + self.roughness_var_m2 * squares_m4
     }
 
     fn budget(&self, sigmas: &CalibrationSigmas) -> VolumeBudget {
@@ -178,13 +213,14 @@ impl Sums {
         };
         let rows = vec![
             row(BudgetSource::BeamNoise, self.beam_var_m6),
-            row(BudgetSource::Roughness, self.roughness_var_m6),
+            row(BudgetSource::Roughness, self.roughness_var_m6()),
             row(BudgetSource::Pose, self.pose_var_m6),
             constant(BudgetSource::LidarMounting),
             constant(BudgetSource::RangeBias),
             constant(BudgetSource::RangeScale),
             constant(BudgetSource::ClockOffset),
             constant(BudgetSource::MarkerMap),
+            constant(BudgetSource::Occlusion),
         ];
         VolumeBudget { rows, shared }
     }

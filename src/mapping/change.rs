@@ -31,7 +31,7 @@ pub struct SurveyVolume<'a> {
 /// Whether a change can be told from noise.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ChangeVerdict {
-    /// Without any change, so much would be seen in less than 5 % of all pairs of surveys.
+    /// Without any change, so much would be seen more rarely than at the accepted risk.
     Significant,
     /// It may be noise.
     Noise,
@@ -49,8 +49,10 @@ pub struct Change {
     /// The risk of the verdict "significant": how likely at least so large a difference, up or
     /// down, is seen although nothing has changed. 0 to 1.
     pub p_value: f64,
-    /// Whether it can be told from noise at 5 %.
+    /// Whether it can be told from noise at the accepted risk.
     pub verdict: ChangeVerdict,
+    /// The accepted risk of calling noise significant, 0 to 1.
+    pub risk: f64,
     /// The smallest true change that is called significant in 80 % of all pairs, m³.
     pub detectable_m3: f64,
 }
@@ -85,6 +87,12 @@ impl Change {
 /// Why two surveys cannot be compared.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum ChangeError {
+    /// The accepted risk is none.
+    #[error("a risk of {risk} is not between 1e-9 and 0.5")]
+    Risk {
+        /// What was asked for.
+        risk: f64,
+    },
     /// A volume or a variance is negative, infinite or no number.
     #[error("a volume or a variance of the surveys is not a finite number")]
     NotFinite,
@@ -119,22 +127,26 @@ pub enum ChangeError {
     },
 }
 
-/// The risk above which a change counts as noise.
-const SIGNIFICANCE: f64 = 0.05;
-/// Normal quantiles: 97.5 % for two sides of 5 %, 80 % for the power.
-const Z_SIGNIFICANCE: f64 = 1.959_963_985;
+/// The usual risk of calling noise significant.
+pub const USUAL_RISK: f64 = 0.05;
+/// Normal quantile of the power of 80 %.
 const Z_POWER: f64 = 0.841_621_234;
 
 /// The change from `before` to `after`; `is_shared` says of which sources both surveys have the
-/// same constant errors.
+/// same constant errors, `risk` how often noise may be called significant (1e-9 to 0.5,
+/// [`USUAL_RISK`]).
 ///
 /// # Errors
-/// Budgets that contradict themselves or each other.
+/// Budgets that contradict themselves or each other, or a risk out of range.
 pub fn change(
     before: SurveyVolume<'_>,
     after: SurveyVolume<'_>,
+    risk: f64,
     is_shared: impl Fn(BudgetSource) -> bool,
 ) -> Result<Change, ChangeError> {
+    if !(1e-9..=0.5).contains(&risk) {
+        return Err(ChangeError::Risk { risk });
+    }
     let change_m3 = after.volume_m3 - before.volume_m3;
     let unshared_var_m6 = before.budget.var_m6() + after.budget.var_m6();
     let var_m6 = independent_var_m6(before.budget, &is_shared)?
@@ -150,12 +162,9 @@ pub fn change(
         sigma_m3,
         unshared_sigma_m3: unshared_var_m6.sqrt(),
         p_value,
-        verdict: if p_value < SIGNIFICANCE {
-            ChangeVerdict::Significant
-        } else {
-            ChangeVerdict::Noise
-        },
-        detectable_m3: (Z_SIGNIFICANCE + Z_POWER) * sigma_m3,
+        verdict: if p_value < risk { ChangeVerdict::Significant } else { ChangeVerdict::Noise },
+        risk,
+        detectable_m3: (two_sided_quantile(risk) + Z_POWER) * sigma_m3,
     })
 }
 
@@ -220,6 +229,21 @@ fn two_sided_p_value(value: f64, sigma: f64) -> f64 {
     libm::erfc(value.abs() / (sigma * std::f64::consts::SQRT_2))
 }
 
+/// How far out a normal number with mean 0 and σ 1 lies with this probability, on either side.
+fn two_sided_quantile(risk: f64) -> f64 {
+    let (mut low, mut high) = (0.0, 10.0);
+    // The interval halves until it has no number inside.
+    for _ in 0..60 {
+        let middle = f64::midpoint(low, high);
+        if two_sided_p_value(middle, 1.0) > risk {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    f64::midpoint(low, high)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -255,7 +279,7 @@ mod tests {
     fn compare(volumes: [f64; 2], budgets: [&VolumeBudget; 2], shares: bool) -> Change {
         let [before, after] =
             [0, 1].map(|i| SurveyVolume { volume_m3: volumes[i], budget: budgets[i] });
-        change(before, after, |_| shares).expect("comparable")
+        change(before, after, USUAL_RISK, |_| shares).expect("comparable")
     }
 
     #[test]
@@ -310,6 +334,9 @@ mod tests {
         for (z, p) in [(1.959_964, 0.05), (2.575_829, 0.01), (3.290_527, 0.001)] {
             assert!((two_sided_p_value(-3.0 * z, 3.0) / p - 1.0).abs() < 1e-5);
         }
+        for (risk, z) in [(0.05, 1.959_964), (0.01, 2.575_829), (0.001, 3.290_527)] {
+            assert!((two_sided_quantile(risk) / z - 1.0).abs() < 1e-6, "{risk}");
+        }
         assert!((two_sided_p_value(0.0, 0.0) - 1.0).abs() < 1e-15);
         assert!(two_sided_p_value(0.1, 0.0).abs() < 1e-15, "without noise any change is real");
     }
@@ -339,17 +366,34 @@ mod tests {
         let mut recalibrated = good.clone();
         recalibrated.shared[1].sigma = 0.003;
         recalibrated.rows[1].var_m6 = recalibrated.shared_var_of_m6(BudgetSource::LidarMounting);
-        let error = change(of(&good), of(&recalibrated), |_| true).unwrap_err();
+        let error = change(of(&good), of(&recalibrated), 0.05, |_| true).unwrap_err();
         assert!(matches!(error, ChangeError::DifferentError { component: 1, .. }), "{error}");
         let mounting_is_new = |source| source != BudgetSource::LidarMounting;
-        assert!(change(of(&good), of(&recalibrated), mounting_is_new).is_ok());
+        assert!(change(of(&good), of(&recalibrated), 0.05, mounting_is_new).is_ok());
         let mut broken = good.clone();
         broken.rows[1].var_m6 *= 0.5;
-        let error = change(of(&good), of(&broken), |_| true).unwrap_err();
+        let error = change(of(&good), of(&broken), 0.05, |_| true).unwrap_err();
         assert!(matches!(error, ChangeError::Inconsistent { .. }), "{error}");
         let mut no_number = good.clone();
         no_number.rows[1].var_m6 = f64::NAN;
-        let error = change(of(&good), of(&no_number), |_| true).unwrap_err();
+        let error = change(of(&good), of(&no_number), 0.05, |_| true).unwrap_err();
         assert_eq!(error, ChangeError::NotFinite);
+        for risk in [0.0, 0.9, f64::NAN] {
+            let error = change(of(&good), of(&good), risk, |_| true).unwrap_err();
+            assert!(matches!(error, ChangeError::Risk { .. }), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_stricter_risk_calls_less_significant() {
+        let budget = budget(1.0, [0.0, 0.0], 0.0);
+        let of = |volume_m3| SurveyVolume { volume_m3, budget: &budget };
+        // σ = √2 m³, so 3.2 m³ are 2.26 σ: p = 2.4 %.
+        let at = |risk| change(of(10.0), of(13.2), risk, |_| true).expect("comparable");
+        assert_eq!(at(0.05).verdict, ChangeVerdict::Significant);
+        assert_eq!(at(0.01).verdict, ChangeVerdict::Noise);
+        assert!((at(0.01).p_value - 0.0237).abs() < 1e-3, "{:?}", at(0.01));
+        // (2.575829 + 0.841621) √2
+        assert!((at(0.01).detectable_m3 - 4.833).abs() < 1e-3);
     }
 }

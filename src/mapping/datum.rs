@@ -4,10 +4,17 @@
 //! ```text
 //! g = (−∂h/∂x, −∂h/∂y, 1),   δz = g·δhit
 //! R = [gᵀ(J_α σ_α² J_αᵀ + J_d σ_d² J_dᵀ) g]/n + σ_ε² + σ_r²(Σ_xx + Σ_yy) + gᵀ J_χ Σ^χ J_χᵀ g
+//! weight = 1/(σ_d²/n + m σ_ε² + σ_r²(Σ_xx + Σ_yy) + Σ_zz)
 //! ```
+//! The weight is not 1/R, on purpose. What the nodes cannot show of a square is common to all `m`
+//! patches in it, so together they are worth one `σ_ε²`; independent ones would let squares that
+//! were seen often outvote their neighbours. And weights that knew the slope g would prefer level
+//! crests to flanks. Either makes rough ground look higher than it is.
+//!
 //! - `g`: how the reported height answers a shift of the hit, from the newest surface
 //! - `n`: beams of the patch; `σ_ε`: roughness below the cell size (the nugget), m
 //! - `σ_r`: slope that the surface does not resolve, `2 σ_ε/cell`; `σ_t` before there is a surface
+//! - the height is that of the hit less half of what may hide in hollows ([`super::roughness`])
 //! - `Σ^χ`: covariance of the pose error, 6×6; `Σ_xx + Σ_yy`: horizontal variance of the hit, m²
 //!
 //! Checked: `derivatives_match_moved_hits`.
@@ -16,6 +23,7 @@
 use super::footprint::{Footprint, Patch};
 use super::matern_field::{Lattice, Row};
 use super::projection::LidarMount;
+use super::roughness::{OCCLUSION_SHARE, POINT_PER_PATCH, hidden_m};
 use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
 
 /// The newest surface: where slopes come from, and what outliers are judged against.
@@ -28,10 +36,14 @@ pub struct Linearization<'a> {
     /// Nodes that rest on data: outliers are judged against these alone. Empty before the first
     /// solution.
     pub is_known: &'a [bool],
-    /// The LiDAR.
-    pub lidar: &'a LidarMount,
+    /// How many patches each square has, by its south-west node.
+    pub n_patches: &'a [u32],
+    /// The mounted LiDAR of each vehicle, by [`Footprint::lidar_idx`].
+    pub lidars: &'a [LidarMount],
     /// Roughness below the cell size `σ_ε`, m.
-    pub nugget_m: f64,
+    pub roughness_m: f64,
+    /// How far the patches of a square scatter about each other, m: 0 before anything is known.
+    pub scatter_m: f64,
     /// Standard deviation `σ_t` of the slope before anything is known.
     pub slope_sigma: f64,
 }
@@ -44,6 +56,7 @@ pub struct Turn<'a> {
     /// Offset of the LiDAR in body axes, m, and its axes there.
     lidar_origin_m: Vector3<f64>,
     lidar_axes: Matrix3<f64>,
+    lidar: &'a LidarMount,
     at: Linearization<'a>,
 }
 
@@ -52,11 +65,16 @@ pub struct Turn<'a> {
 pub struct Datum {
     /// Bilinear weights.
     pub row: Row,
-    /// The height it reports, m.
+    /// The height it reports, corrected for hidden hollows, m.
     pub height_m: f64,
+    /// What hides in hollows at most, m: the derivative of the reported height by the share of it
+    /// that does.
+    pub hidden_m: f64,
     /// Variance of range and angle, averaged over the beams, m².
     pub sensor_var_m2: f64,
-    /// Variance of what the nodes cannot show, m².
+    /// Variance of slopes that the nodes cannot show, at the hit's horizontal error, m².
+    pub slope_var_m2: f64,
+    /// Variance of heights that the nodes cannot show, common to all patches of the square, m².
     pub roughness_var_m2: f64,
     /// Variance by the pose, m².
     pub pose_var_m2: f64,
@@ -68,6 +86,8 @@ pub struct Datum {
     pub by_range: f64,
     /// Distance from LiDAR to hit, m.
     pub range_m: f64,
+    /// Its information in the solution, 1/m².
+    pub weight_per_m2: f64,
 }
 
 /// Steeper ground than this is a wall's edge in the grid, not a slope.
@@ -78,19 +98,21 @@ const GATE_SIGMAS: f64 = 6.0;
 const GATE_CELLS: f64 = 1.5;
 
 impl<'a> Turn<'a> {
-    /// What the patches of a footprint share.
+    /// What the patches of a footprint share; `None` if the LiDAR that took it is not known.
     #[must_use]
-    pub fn new(footprint: &Footprint, at: Linearization<'a>) -> Self {
-        Self {
+    pub fn new(footprint: &Footprint, at: Linearization<'a>) -> Option<Self> {
+        let lidar = at.lidars.get(footprint.lidar_idx)?;
+        Some(Self {
             pose_cov: footprint.error.cov.fixed_view::<6, 6>(0, 0).into_owned(),
             R: footprint.hall_from_body.rotation.matrix(),
-            lidar_origin_m: at.lidar.body_from_lidar.origin.coords,
-            lidar_axes: at.lidar.body_from_lidar.rotation.matrix(),
+            lidar_origin_m: lidar.body_from_lidar.origin.coords,
+            lidar_axes: lidar.body_from_lidar.rotation.matrix(),
+            lidar,
             at,
-        }
+        })
     }
 
-    /// The patch as a datum; `None` outside of the nodes.
+    /// The patch as a datum; `None` outside of the nodes, and if anything of it is not finite.
     #[must_use]
     pub fn datum(&self, patch: &Patch) -> Option<Datum> {
         let place = patch.place();
@@ -107,25 +129,43 @@ impl<'a> Turn<'a> {
         let by_angle = g_lidar.dot(&Vector3::z().cross(&ray));
         let by_attitude = arm.cross(&g_body);
         let by_pose = stacked(&g, &by_attitude);
-        let pose_var_m2 = by_pose.dot(&(self.pose_cov * by_pose)).max(0.0);
-        let lidar = self.at.lidar;
+        let pose_var_m2 = by_pose.dot(&(self.pose_cov * by_pose));
+        // −g·along is the beam's descent towards the surface, per metre of range.
+        let level = (self.R * (self.lidar_axes * along)).xy().norm();
+        let hidden_m = hidden_m(
+            POINT_PER_PATCH * self.at.scatter_m,
+            self.at.lattice.spacing_m(),
+            -by_range / level.max(1e-9),
+        );
+        let lidar = self.lidar;
         let sensor_var_m2 =
             (by_range * lidar.range_sigma_m).powi(2) + (by_angle * lidar.angle_sigma_rad).powi(2);
         let horizontal_var_m2 = self.pose_cov[(0, 0)]
             + self.pose_cov[(1, 1)]
             + (range_m * lidar.angle_sigma_rad).powi(2);
-        Some(Datum {
+        let n_beams = f64::from(patch.n_beams);
+        let slope_var_m2 = self.at.residual_slope_var() * horizontal_var_m2;
+        let roughness_var_m2 = self.at.roughness_m.powi(2);
+        let weight_var_m2 = lidar.range_sigma_m.powi(2) / n_beams
+            + self.at.n_patches(&row) * roughness_var_m2
+            + slope_var_m2
+            + self.pose_cov[(2, 2)].max(0.0);
+        let datum = Datum {
             row,
-            height_m: place.z,
-            sensor_var_m2: sensor_var_m2 / f64::from(patch.n_beams),
-            roughness_var_m2: self.at.nugget_m.powi(2)
-                + self.at.residual_slope_var() * horizontal_var_m2,
+            height_m: place.z - OCCLUSION_SHARE.0 * hidden_m,
+            hidden_m,
+            sensor_var_m2: sensor_var_m2 / n_beams,
+            slope_var_m2,
+            roughness_var_m2,
             pose_var_m2,
             by_pose,
             by_mount: stacked(&g_body, &ray.cross(&g_lidar)),
             by_range,
             range_m,
-        })
+            weight_per_m2: 1.0 / weight_var_m2,
+        };
+        // A pose that is not a number would pass the gates, which compare.
+        (datum.var_m2().is_finite() && weight_var_m2.is_finite()).then_some(datum)
     }
 }
 
@@ -155,35 +195,42 @@ impl Linearization<'_> {
         })
     }
 
+    fn n_patches(&self, row: &Row) -> f64 {
+        self.n_patches.get(row.nodes[0] as usize).map_or(1.0, |n| f64::from((*n).max(1)))
+    }
+
     fn residual_slope_var(&self) -> f64 {
         if self.heights_m.is_none() {
             return self.slope_sigma.powi(2);
         }
-        (2.0 * self.nugget_m / self.lattice.spacing_m()).powi(2)
+        (2.0 * self.roughness_m / self.lattice.spacing_m()).powi(2)
+    }
+
+    /// Height of the surface at a row's point, m; `None` where it does not rest on data alone.
+    #[must_use]
+    pub fn known_surface_m(&self, row: &Row) -> Option<f64> {
+        let heights_m = self.heights_m?;
+        let is_known = |node: u32| self.is_known.get(node as usize).is_some_and(|known| *known);
+        std::iter::zip(row.nodes, row.weights)
+            .all(|(node, weight)| weight <= 0.0 || is_known(node))
+            .then(|| row.value(heights_m))
     }
 
     /// True if the datum can be of the surface.
     #[must_use]
     pub fn believes(&self, datum: &Datum) -> bool {
-        let Some(heights_m) = self.heights_m else { return true };
-        let has_unknown_node =
-            std::iter::zip(datum.row.nodes, datum.row.weights).any(|(node, weight)| {
-                weight > 0.0 && !self.is_known.get(node as usize).is_some_and(|k| *k)
-            });
-        if has_unknown_node {
-            return true;
-        }
+        let Some(surface_m) = self.known_surface_m(&datum.row) else { return true };
         let gate_m =
             (GATE_SIGMAS * datum.var_m2().sqrt()).max(GATE_CELLS * self.lattice.spacing_m());
-        (datum.height_m - datum.row.value(heights_m)).abs() <= gate_m
+        (datum.height_m - surface_m).abs() <= gate_m
     }
 }
 
 impl Datum {
-    /// R: everything on the diagonal, m².
+    /// R: its variance by itself, m².
     #[must_use]
     pub fn var_m2(&self) -> f64 {
-        self.sensor_var_m2 + self.roughness_var_m2 + self.pose_var_m2
+        self.sensor_var_m2 + self.slope_var_m2 + self.roughness_var_m2 + self.pose_var_m2
     }
 }
 

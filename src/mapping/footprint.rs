@@ -23,6 +23,8 @@ pub struct Patch {
     pub arm_m: [f32; 3],
     /// Number of beams.
     pub n_beams: u16,
+    /// Which level of its cell it is of: see [`disturbance`](super::disturbance).
+    pub level: u8,
 }
 
 /// One turn of the scanner over the material.
@@ -32,6 +34,8 @@ pub struct Footprint {
     pub error: PoseError,
     /// Pose at the middle of the turn.
     pub hall_from_body: Transform<Hall, Body>,
+    /// Which LiDAR of the map took it: vehicles whose maps are merged have their own.
+    pub lidar_idx: usize,
     /// Its patches, in the order of the first beam of each.
     pub patches: Vec<Patch>,
 }
@@ -126,11 +130,15 @@ impl Gathering {
             place_m: (self.place_sum / n).map(|c| c as f32).into(),
             arm_m: (self.arm_sum / n).map(|c| c as f32).into(),
             n_beams: self.n_beams,
+            level: Patch::NO_LEVEL,
         }
     }
 }
 
 impl Patch {
+    /// The level of a patch that was not sorted yet, or is of no cell.
+    pub const NO_LEVEL: u8 = u8::MAX;
+
     /// Mean of the hits in the hall, m.
     #[must_use]
     pub fn place(&self) -> Vector3<f64> {

@@ -1,6 +1,7 @@
 //! The paper's map of a flight: a height grid, and a sparse Gaussian process over it.
 
 use super::bay::BayOnGrid;
+use super::disturbance::Flagged;
 use super::kalman_grid::{self, KalmanGrid};
 use super::mapper::SolvedSurface;
 use super::projection::Hit;
@@ -119,7 +120,7 @@ impl GridMap {
 
     fn seen(&self) -> SeenCells {
         let is_hit: Vec<bool> = self.grid.n_hits().iter().map(|n| *n > 0).collect();
-        SeenCells::new(self.grid.geometry(), &is_hit)
+        SeenCells::new(self.grid.geometry(), &is_hit, Flagged::default())
     }
 
     /// h0: configured, or the mean height of the cells that a beam has hit.
@@ -163,7 +164,13 @@ fn account(
     range_m: f64,
 ) -> VolumeAccount {
     let rows = vec![BudgetRow { source: BudgetSource::BeamNoise, var_m6 }];
-    bay.account(at, (mean_m, 0.0), VolumeBudget { rows, shared: Vec::new() }, seen, range_m)
+    bay.account(
+        at,
+        (bay.base.volume_m3(mean_m), mean_m),
+        VolumeBudget { rows, shared: Vec::new() },
+        seen,
+        range_m,
+    )
 }
 
 /// The work of turning cells into a surface and its volumes; a pure function of its fields.
@@ -208,8 +215,15 @@ impl SolveGrid {
             grid: self.geometry,
             mean_m: posterior.mean_m().to_vec(),
             sigma_m: var_m2.iter().map(|var| var.sqrt()).collect(),
+            disturbed_cells: Vec::new(),
         };
         let accounts = self.bays.iter().map(account).collect();
-        Ok(SolvedSurface { accounts, surface, n_beams_refused: 0, newest: None })
+        Ok(SolvedSurface {
+            accounts,
+            surface,
+            n_beams_refused: 0,
+            disturbed: Vec::new(),
+            newest: None,
+        })
     }
 }

@@ -1,6 +1,7 @@
 //! The face of the mapping: scans and poses in, surface and volumes out.
 
 use super::base::BaseSurface;
+use super::bay::WHOLE_REGION;
 use super::field_map::{self, FieldMap, NewestField, Setup, SolveField};
 use super::footprint::{Footprint, LineHit, gather};
 use super::grid_map::{self, Bays, GridMap, SolveGrid};
@@ -11,7 +12,9 @@ use super::region::Region;
 use super::sparse_gp::GpError;
 use super::volume::Base;
 use crate::geometry::{Body, Hall, Transform};
-use crate::messages::{Beam, GridGeometry, HeightMap, HitCounts, PoseError, Scan, VolumeAccount};
+use crate::messages::{
+    Beam, DisturbedArea, GridGeometry, HeightMap, HitCounts, PoseError, Scan, VolumeAccount,
+};
 use crate::time::{Mono, Stamp};
 use nalgebra::Matrix6;
 use std::sync::Arc;
@@ -62,6 +65,14 @@ pub struct Mapper {
     /// Hits below this are not surface, m.
     lowest_m: f64,
     counts: HitCounts,
+    on_grid: OnGrid,
+}
+
+/// What the paper's grid holds, which cannot give back a single hit.
+#[derive(Debug, Clone, Copy, Default)]
+struct OnGrid {
+    n_beams: u64,
+    newest_at: Option<Stamp<Mono>>,
 }
 
 /// A pose with the covariance of its error.
@@ -88,6 +99,7 @@ impl Mapper {
             field,
             bays,
             counts: HitCounts::default(),
+            on_grid: OnGrid::default(),
         }
     }
 
@@ -100,17 +112,16 @@ impl Mapper {
         error_at: impl Fn(Stamp<Mono>, Option<Stamp<Mono>>) -> Option<PoseError>,
     ) {
         let middle = middle_of(scan);
-        let previous = self.field.as_ref().and_then(FieldMap::newest_turn_at);
-        let shared = self
-            .field
-            .as_ref()
-            .and_then(|_| Some((error_at(middle, previous)?, pose_at(middle)?.0)));
+        let shared = self.shared(middle, &pose_at, &error_at);
         let mut hits = Vec::new();
         for beam in &scan.beams {
             self.counts.received += 1;
-            let fate = match self.hit(beam, || pose_at(scan.beam_at(beam))) {
-                Ok((hit, hall_from_body)) => {
+            let hit = self.hit(beam, || pose_at(scan.beam_at(beam)));
+            let fate = match hit.and_then(|hit| Ok((hit, shared.as_ref().map_err(|fate| *fate)?))) {
+                Ok(((hit, hall_from_body), shared)) => {
                     self.grid.insert(&hit, &self.settings.region);
+                    self.on_grid.n_beams += 1;
+                    self.on_grid.newest_at = self.on_grid.newest_at.max(Some(middle));
                     if shared.is_some() {
                         hits.push(self.line_hit(&hit, &hall_from_body));
                     }
@@ -121,11 +132,28 @@ impl Mapper {
             *self.count_of(fate) += 1;
         }
         let patches = gather(&hits, self.settings.cell_m);
-        if let (Some(field), Some((error, hall_from_body))) = (&mut self.field, shared)
+        if let (Some(field), Ok(Some((error, hall_from_body)))) = (&mut self.field, shared)
             && !patches.is_empty()
         {
-            field.push(Footprint { error, hall_from_body, patches });
+            field.push(Footprint { error, hall_from_body, lidar_idx: 0, patches });
         }
+    }
+
+    /// What the beams of a turn share in the field: the pose at its middle and its error. Without
+    /// them none of the beams is of use; the paper's grid does not need them.
+    fn shared(
+        &self,
+        middle: Stamp<Mono>,
+        pose_at: impl Fn(Stamp<Mono>) -> Option<PoseWithCov>,
+        error_at: impl Fn(Stamp<Mono>, Option<Stamp<Mono>>) -> Option<PoseError>,
+    ) -> Result<Option<(PoseError, Transform<Hall, Body>)>, Fate> {
+        let Some(field) = &self.field else { return Ok(None) };
+        let error = error_at(middle, field.newest_turn_at()).ok_or(Fate::NoPose)?;
+        let (hall_from_body, _) = pose_at(middle).ok_or(Fate::NoPose)?;
+        if !error.is_finite() {
+            return Err(Fate::PoorPose);
+        }
+        Ok(Some((error, hall_from_body)))
     }
 
     fn line_hit(&self, hit: &Hit, hall_from_body: &Transform<Hall, Body>) -> LineHit {
@@ -151,9 +179,40 @@ impl Mapper {
         }
     }
 
+    /// The turns of the scanner that the field holds, in their order; none with the paper's grid.
+    #[must_use]
+    pub fn turns(&self) -> &[Arc<Footprint>] {
+        self.field.as_ref().map_or(&[], FieldMap::turns)
+    }
+
+    /// The field, where it is kept.
+    pub(super) const fn field_mut(&mut self) -> Option<&mut FieldMap> {
+        self.field.as_mut()
+    }
+
+    /// Drops what was measured after `since`, because the poses since then were wrong; the number of
+    /// beams.
+    ///
+    /// The field gives back its turns. The paper's grid cannot give back single hits: where it is
+    /// the map, it begins anew; beside a field, where only the paper's planner reads it, it stays.
+    pub fn forget_since(&mut self, since: Stamp<Mono>) -> u64 {
+        let n_beams = match &mut self.field {
+            Some(field) => field.forget_since(since),
+            None if self.on_grid.newest_at > Some(since) => {
+                self.grid.restart();
+                std::mem::take(&mut self.on_grid).n_beams
+            }
+            None => 0,
+        };
+        self.counts.used = self.counts.used.saturating_sub(n_beams);
+        self.counts.forgotten += n_beams;
+        n_beams
+    }
+
     /// Begins a new map; the counts go on.
     pub fn restart(&mut self) {
         self.grid.restart();
+        self.on_grid = OnGrid::default();
         if let Some(field) = &mut self.field {
             field.restart();
         }
@@ -194,8 +253,10 @@ impl Mapper {
             return Err(Fate::OwnBody);
         }
         let (hall_from_body, pose_cov) = pose_at().ok_or(Fate::NoPose)?;
-        let worst_var_m2 = (0..3).map(|axis| pose_cov[(axis, axis)]).fold(0.0, f64::max);
-        if worst_var_m2 > self.settings.max_position_sigma_m.powi(2) {
+        let most_var_m2 = self.settings.max_position_sigma_m.powi(2);
+        let is_sure = pose_cov.iter().all(|c| c.is_finite())
+            && (0..3).all(|axis| pose_cov[(axis, axis)] <= most_var_m2);
+        if !is_sure {
             return Err(Fate::PoorPose);
         }
         let hit = project(mount, beam, &hall_from_body, &pose_cov);
@@ -217,6 +278,14 @@ impl Mapper {
     #[must_use]
     pub const fn grid(&self) -> &KalmanGrid {
         self.grid.grid()
+    }
+
+    /// The name of the bay at a place, if the region has bays of their own names.
+    #[must_use]
+    pub fn bay_at(&self, x_m: f64, y_m: f64) -> Option<&str> {
+        let bays = &self.settings.region.bays;
+        let bay = bays.iter().find(|bay| bay.outline.contains(x_m, y_m))?;
+        (bay.name != WHOLE_REGION).then_some(bay.name.as_str())
     }
 
     /// Which area counts.
@@ -253,10 +322,13 @@ fn field_setup(settings: &Settings, geometry: &GridGeometry, bays: &Bays) -> Arc
     let padding_m = PADDING_RANGES * settings.field.range_m;
     Arc::new(Setup {
         settings: settings.field,
-        lattice: Arc::new(Lattice::covering(geometry, padding_m, |a, b| {
-            settings.region.separates(a, b)
-        })),
-        lidar: settings.lidar.clone(),
+        lattice: Arc::new(Lattice::covering_beside_walls(
+            geometry,
+            padding_m,
+            |place| settings.region.beside_exclusions(place, settings.cell_m),
+            |a, b| settings.region.separates(a, b),
+        )),
+        lidars: vec![settings.lidar.clone()],
         bays: Arc::clone(bays),
     })
 }
@@ -300,6 +372,8 @@ pub struct SolvedSurface {
     pub surface: HeightMap,
     /// Beams that hit something, but not the surface: dust, edges, machines.
     pub n_beams_refused: u64,
+    /// Ground that something has covered or changed since it was last seen, the largest area first.
+    pub disturbed: Vec<DisturbedArea>,
     /// Where the next solve of a field starts.
     pub newest: Option<Arc<NewestField>>,
 }
@@ -427,7 +501,78 @@ mod tests {
             poor_pose: 1,
             on_ground: 0,
             refused: 0,
+            forgotten: 0,
         };
         assert_eq!(mapper.counts(), expected);
+    }
+
+    fn above() -> Transform<Hall, Body> {
+        Transform::new(Rotation::identity(), Point::new(3.0, 3.0, 5.0))
+    }
+
+    fn two_beams(start: Stamp<Mono>) -> Scan {
+        let beam = |angle_rad| Beam { offset_ns: 0, angle_rad, range_m: 4.0, intensity: 0 };
+        Scan { start, beams: vec![beam(0.0), beam(0.1)] }
+    }
+
+    #[test]
+    fn a_pose_whose_covariance_is_no_number_maps_nothing() {
+        for method in [Method::KalmanGrid, Method::MaternField] {
+            let mut broken = Matrix6::identity() * 1e-6;
+            // Beside the position's variances, and among them.
+            for place in [(4, 1), (1, 1)] {
+                broken[place] = f64::NAN;
+                let mut mapper = Mapper::new(settings(method));
+                mapper.insert(&two_beams(Stamp::ZERO), |_| Some((above(), broken)), pose_error);
+                let counts = mapper.counts();
+                assert_eq!((counts.used, counts.poor_pose), (0, 2), "{method:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn beams_without_an_error_of_their_pose_are_not_counted_as_used() {
+        let sure = |_| Some((above(), Matrix6::identity() * 1e-6));
+        let broken_error = |at, previous| {
+            let mut error = pose_error(at, previous)?;
+            error.cov[(7, 7)] = f64::INFINITY;
+            Some(error)
+        };
+        let counts_of = |method, error_at: &dyn Fn(_, _) -> Option<PoseError>| {
+            let mut mapper = Mapper::new(settings(method));
+            mapper.insert(&two_beams(Stamp::ZERO), sure, error_at);
+            let counts = mapper.counts();
+            (counts.used, counts.no_pose, counts.poor_pose)
+        };
+        assert_eq!(counts_of(Method::MaternField, &|_, _| None), (0, 2, 0));
+        assert_eq!(counts_of(Method::MaternField, &broken_error), (0, 0, 2));
+        assert_eq!(counts_of(Method::MaternField, &pose_error), (2, 0, 0));
+        // The paper's grid asks for no chained errors.
+        assert_eq!(counts_of(Method::KalmanGrid, &|_, _| None), (2, 0, 0));
+    }
+
+    #[test]
+    fn what_wrong_poses_have_seen_is_forgotten() {
+        let sure = |_| Some((above(), Matrix6::identity() * 1e-6));
+        let at_s = |seconds: i64| Stamp::from_nanos(seconds * 1_000_000_000);
+        for (method, n_dropped) in [(Method::MaternField, 4), (Method::KalmanGrid, 10)] {
+            let mut mapper = Mapper::new(settings(method));
+            let mut as_if_never = Mapper::new(settings(method));
+            for second in 1..=5 {
+                mapper.insert(&two_beams(at_s(second)), sure, pose_error);
+                if second <= 3 && method == Method::MaternField {
+                    as_if_never.insert(&two_beams(at_s(second)), sure, pose_error);
+                }
+            }
+            assert_eq!(mapper.forget_since(at_s(5)), 0, "nothing is newer");
+            assert_eq!(mapper.forget_since(at_s(3)), n_dropped, "{method:?}");
+            let counts = mapper.counts();
+            assert_eq!((counts.used, counts.forgotten), (10 - n_dropped, n_dropped));
+            assert_eq!(mapper.forget_since(at_s(3)), 0, "they are gone");
+            let volumes = |mapper: &Mapper| {
+                mapper.snapshot(at_s(6), true).run().map(|solved| solved.accounts)
+            };
+            assert_eq!(volumes(&mapper), volumes(&as_if_never), "{method:?}");
+        }
     }
 }

@@ -99,6 +99,26 @@ impl Region {
         self.exclusions.iter().any(|exclusion| exclusion.cuts(a, b))
     }
 
+    /// The point itself, or if it lies in an exclusion the nearest one outside, looked for on a
+    /// lattice over the square of edge `reach_m` around it; the point itself if there is none.
+    #[must_use]
+    pub fn beside_exclusions(&self, place: Place, reach_m: f64) -> Place {
+        const PARTS: i32 = 8;
+        let is_outside =
+            |p: &Place| !self.exclusions.iter().any(|exclusion| exclusion.contains(p.0, p.1, 0.0));
+        if is_outside(&place) {
+            return place;
+        }
+        let step_m = reach_m / f64::from(2 * PARTS);
+        let offsets = || (-PARTS..=PARTS).map(|k| f64::from(k) * step_m);
+        let distance = |p: &Place| (p.0 - place.0).hypot(p.1 - place.1);
+        offsets()
+            .flat_map(|dy| offsets().map(move |dx| (place.0 + dx, place.1 + dy)))
+            .filter(is_outside)
+            .min_by(|a, b| distance(a).total_cmp(&distance(b)))
+            .unwrap_or(place)
+    }
+
     /// True for every cell whose centre is within `reach_m` of an exclusion.
     #[must_use]
     pub fn cells_near_exclusions(&self, grid: &GridGeometry, reach_m: f64) -> Vec<bool> {
@@ -165,7 +185,9 @@ impl Region {
         let density =
             bays[0].density.filter(|_| bays.iter().all(|bay| bay.density == bays[0].density));
         let areas = bays.iter().flat_map(|bay| bay.areas.iter().copied()).collect();
-        bays.insert(0, BayOnGrid { name: WHOLE_REGION.to_owned(), base, areas, density });
+        let is_over_survey = bays.iter().all(|bay| bay.is_over_survey);
+        let name = WHOLE_REGION.to_owned();
+        bays.insert(0, BayOnGrid { name, base, areas, is_over_survey, density });
         bays
     }
 

@@ -1,5 +1,7 @@
-//! Which part of a volume was measured, which lies between measurements, and which nobody saw.
+//! Which part of a volume was measured, which lies between measurements, which nobody saw, and where
+//! something moved.
 
+use super::disturbance::Flagged;
 use crate::messages::{GridGeometry, VolumeShares};
 use std::collections::VecDeque;
 
@@ -13,12 +15,14 @@ pub struct SeenCells {
     /// Steps to the nearest cell that was hit: 0 for itself, `u32::MAX` where there is none.
     steps: Vec<u32>,
     cell_m: f64,
+    /// Cells that something has moved in since they were hit.
+    disturbed: Flagged,
 }
 
 impl SeenCells {
     /// Measures the way from every cell to the nearest one that was hit, along the grid.
     #[must_use]
-    pub fn new(grid: &GridGeometry, is_hit: &[bool]) -> Self {
+    pub fn new(grid: &GridGeometry, is_hit: &[bool], disturbed: Flagged) -> Self {
         let mut steps = vec![u32::MAX; grid.n_cells()];
         let mut queue = VecDeque::new();
         for (cell, _) in is_hit.iter().enumerate().filter(|(_, is_hit)| **is_hit) {
@@ -38,7 +42,7 @@ impl SeenCells {
             visit(row > 0, cell.wrapping_sub(grid.n_cols));
             visit(row + 1 < grid.n_rows, cell + grid.n_cols);
         }
-        Self { steps, cell_m: grid.cell_m }
+        Self { steps, cell_m: grid.cell_m, disturbed }
     }
 
     /// True if a beam has hit the cell.
@@ -52,30 +56,34 @@ impl SeenCells {
     #[must_use]
     pub fn shares(&self, areas_m2: &[f64], thickness_m: &[f64], range_m: f64) -> VolumeShares {
         let by_volume = self.sums(areas_m2, |cell| thickness_m[cell].max(0.0), range_m);
-        let [measured, interpolated, unseen] = if by_volume.iter().sum::<f64>() > 0.0 {
+        let [measured, interpolated, unseen, disturbed] = if by_volume.iter().sum::<f64>() > 0.0 {
             by_volume
         } else {
             self.sums(areas_m2, |_| 1.0, range_m)
         };
-        let total = measured + interpolated + unseen;
+        let total = measured + interpolated + unseen + disturbed;
         let share = |part: f64| if total > 0.0 { part / total } else { 0.0 };
         VolumeShares {
             measured_ratio: share(measured),
             interpolated_ratio: share(interpolated),
             unseen_ratio: share(unseen),
+            disturbed_ratio: share(disturbed),
         }
     }
 
-    fn sums(&self, areas_m2: &[f64], weight: impl Fn(usize) -> f64, range_m: f64) -> [f64; 3] {
-        let mut sums = [0.0; 3];
+    fn sums(&self, areas_m2: &[f64], weight: impl Fn(usize) -> f64, range_m: f64) -> [f64; 4] {
+        let mut sums = [0.0; 4];
         for (cell, area_m2) in areas_m2.iter().enumerate() {
             sums[self.state(cell, range_m)] += area_m2 * weight(cell);
         }
         sums
     }
 
-    /// 0: measured, 1: interpolated, 2: unseen.
+    /// 0: measured, 1: interpolated, 2: unseen, 3: disturbed.
     fn state(&self, cell: usize, range_m: f64) -> usize {
+        if self.disturbed.contains(cell) {
+            return 3;
+        }
         match self.steps[cell] {
             0 => 0,
             u32::MAX => 2,
@@ -98,7 +106,7 @@ mod tests {
         let mut is_hit = vec![false; 9];
         is_hit[0] = true;
         is_hit[1] = true;
-        let seen = SeenCells::new(&grid(), &is_hit);
+        let seen = SeenCells::new(&grid(), &is_hit, Flagged::default());
         // Range 2 m: up to 1 m, two cells, counts as interpolated; five cells are unseen.
         let areas_m2 = vec![0.25; 9];
         let by_area = seen.shares(&areas_m2, &[0.0; 9], 2.0);
@@ -114,7 +122,7 @@ mod tests {
 
     #[test]
     fn without_a_hit_nothing_is_seen() {
-        let seen = SeenCells::new(&grid(), &[false; 9]);
+        let seen = SeenCells::new(&grid(), &[false; 9], Flagged::default());
         let shares = seen.shares(&[0.25; 9], &[1.0; 9], 2.0);
         assert!((shares.unseen_ratio - 1.0).abs() < 1e-12);
     }

@@ -52,6 +52,12 @@ impl Base {
             .sum()
     }
 
+    /// What lies between the hall floor and the base, m³.
+    #[must_use]
+    pub fn above_floor_m3(&self) -> f64 {
+        std::iter::zip(&self.cell_areas_m2, &self.cell_base_m).map(|(area, base)| area * base).sum()
+    }
+
     /// Height of the surface over the base in every cell, m; negative below it.
     #[must_use]
     pub fn thickness_m(&self, surface_m: &[f64]) -> Vec<f64> {

@@ -9,6 +9,8 @@ pub enum BudgetSource {
     BeamNoise,
     /// Roughness below a cell's size, which the nodes of the surface cannot show.
     Roughness,
+    /// Hollows below a cell's size that grazing beams do not see: the share of what may hide there.
+    Occlusion,
     /// The vehicle's pose, correlated along the flight.
     Pose,
     /// How the LiDAR is bolted on: one constant error per axis of position and rotation.
@@ -29,10 +31,11 @@ pub enum BudgetSource {
 
 impl BudgetSource {
     /// Every source, in the order of a measurement's path.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 12] = [
         Self::Prior,
         Self::BeamNoise,
         Self::Roughness,
+        Self::Occlusion,
         Self::Pose,
         Self::LidarMounting,
         Self::RangeBias,
@@ -50,6 +53,7 @@ impl BudgetSource {
             Self::Prior => "prior",
             Self::BeamNoise => "beam_noise",
             Self::Roughness => "roughness",
+            Self::Occlusion => "occlusion",
             Self::Pose => "pose",
             Self::LidarMounting => "lidar_mounting",
             Self::RangeBias => "range_bias",

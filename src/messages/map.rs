@@ -94,6 +94,18 @@ pub struct HeightMap {
     pub mean_m: Vec<f64>,
     /// Its standard deviation, m.
     pub sigma_m: Vec<f64>,
+    /// Cells, by number, that something has covered or changed since their ground was last seen:
+    /// they keep what was known before, or nothing.
+    pub disturbed_cells: Vec<usize>,
+}
+
+/// Ground that something has covered or changed since it was last seen.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DisturbedArea {
+    /// Its area, m².
+    pub area_m2: f64,
+    /// Its middle in the hall, x and y, m.
+    pub centre_m: [f64; 2],
 }
 
 /// How much there is, and how sure that is.
@@ -109,7 +121,7 @@ pub struct VolumeEstimate {
     pub coverage_ratio: f64,
 }
 
-/// How much of a volume rests on measurements; the three add up to 1.
+/// How much of a volume rests on measurements; the four add up to 1.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct VolumeShares {
     /// Over cells that a beam has hit, 0 to 1.
@@ -118,6 +130,8 @@ pub struct VolumeShares {
     pub interpolated_ratio: f64,
     /// Where nothing was seen, 0 to 1.
     pub unseen_ratio: f64,
+    /// Where something moved since the ground was last seen, 0 to 1.
+    pub disturbed_ratio: f64,
 }
 
 /// A mass, and how sure it is.
@@ -165,4 +179,20 @@ pub struct HitCounts {
     pub on_ground: u64,
     /// Beams among `used` that turned out not to be of the surface: dust, edges, machines.
     pub refused: u64,
+    /// Beams that had been used and were dropped again, because their pose turned out to be wrong.
+    pub forgotten: u64,
+}
+
+impl std::ops::AddAssign for HitCounts {
+    fn add_assign(&mut self, other: Self) {
+        self.received += other.received;
+        self.used += other.used;
+        self.no_return += other.no_return;
+        self.own_body += other.own_body;
+        self.outside += other.outside;
+        self.no_pose += other.no_pose;
+        self.poor_pose += other.poor_pose;
+        self.on_ground += other.on_ground;
+        self.refused += other.refused;
+    }
 }

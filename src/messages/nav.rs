@@ -78,7 +78,8 @@ impl NavEstimate {
 pub struct PoseError {
     /// When it is valid.
     pub at: Stamp<Mono>,
-    /// `P_k`: covariance of the error state, 15×15 in the order of [`state`].
+    /// `P_k`: covariance of the error state, 15×15 in the order of [`state`]; without what misplaced
+    /// tags do, where `tags` says that.
     pub cov: SMatrix<f64, 15, 15>,
     /// `A_k`: transition of the error state from the scan before; zero where nothing of it lives
     /// on (the first scan, a reset, a gap longer than the filter remembers).
@@ -87,14 +88,25 @@ pub struct PoseError {
     pub velocity_mps: Vector3<f64>,
     /// Angular velocity in body axes with the bias removed, rad/s.
     pub rate_radps: Vector3<f64>,
-    /// What an error in the place of each tag in view does to the pose.
+    /// What an error in the place of each tag does to the pose.
     pub tags: Vec<TagSensitivity>,
+}
+
+impl PoseError {
+    /// True if every number is finite.
+    #[must_use]
+    pub fn is_finite(&self) -> bool {
+        let of_tags = self.tags.iter().flat_map(|tag| tag.pose_by_place.iter());
+        let motion = self.velocity_mps.iter().chain(&self.rate_radps);
+        let mut numbers = self.cov.iter().chain(&self.from_previous).chain(motion).chain(of_tags);
+        numbers.all(|c| c.is_finite())
+    }
 }
 
 /// What an error in the mapped place of one tag does to the pose.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TagSensitivity {
-    /// Number of the tag in the order of the marker map.
+    /// Number of the tag in the order of the marker map; points that belong to no tag follow.
     pub tag_idx: usize,
     /// Derivative of the pose (position in hall axes, attitude in body axes) by the tag's place
     /// in the hall, 6×3.

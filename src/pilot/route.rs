@@ -1,21 +1,17 @@
 //! The waypoints of the survey and the trajectory along them.
 
+use super::flight_path::FlightPath;
+use crate::geometry::{Hall, Point};
 use crate::mapping::Mapper;
 use crate::mapping::projection::LidarMount;
 use crate::planning::free_space::FreeSpace;
 use crate::planning::greedy::ChooseWaypoint;
-use crate::planning::trajectory::{Knot, Segment, passing_velocity};
 use crate::planning::{PlannerKind, Settings, Waypoint, square_wave};
 use crate::time::{Mono, Stamp};
-use nalgebra::Vector3;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-/// Waypoints whose braking is looked after. The last of them counts as a stop, so fewer would only
-/// fly slower: 20 m of 2 m steps brake from 6 m/s at 2 m/s².
-const LOOK_AHEAD: usize = 10;
-
-/// Where the survey goes next, and the present piece of trajectory.
+/// Where the survey goes next, and the path that is flown.
 #[derive(Debug, Clone)]
 pub(super) struct Route {
     settings: Settings,
@@ -27,30 +23,12 @@ pub(super) struct Route {
     steps_decided: usize,
     /// The planner found nothing more.
     is_exhausted: bool,
-    /// Where to go off the survey.
-    destination: Option<Vector3<f64>>,
-    /// Places on the way there, once it is under way.
-    transit: VecDeque<Vector3<f64>>,
-    segment: Option<Segment>,
-    track: Track,
+    path: FlightPath,
 }
-
-/// What the present segment leads to.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Track {
-    /// Its own end: standing or braking.
-    Stop,
-    /// The first waypoint ahead.
-    Survey,
-    /// The first place in transit.
-    Transit,
-}
-
-/// Places in transit are this far apart, m: one quintic over a long way would be slow.
-const TRANSIT_SPACING_M: f64 = 2.5;
 
 impl Route {
     pub(super) fn new(settings: Settings, free_space: FreeSpace) -> Self {
+        let path = FlightPath::new(settings.limits);
         let mut route = Self {
             settings,
             free_space: Arc::new(free_space),
@@ -58,10 +36,7 @@ impl Route {
             steps_done: 0,
             steps_decided: 0,
             is_exhausted: false,
-            destination: None,
-            transit: VecDeque::new(),
-            segment: None,
-            track: Track::Stop,
+            path,
         };
         route.restart();
         route
@@ -81,7 +56,7 @@ impl Route {
         self.steps_decided = self.ahead.len();
         self.steps_done = 0;
         self.is_exhausted = self.settings.planner == PlannerKind::SquareWave;
-        self.let_go();
+        self.path.let_go();
     }
 
     /// True if there is somewhere to fly.
@@ -136,137 +111,40 @@ impl Route {
             Some(waypoint) => {
                 self.ahead.push_back(waypoint);
                 self.steps_decided += 1;
-                // The way to the present waypoint can pass it now instead of stopping there, if
-                // the present motion allows; otherwise it goes on as planned.
-                if self.track == Track::Survey && self.ahead.len() >= 2 {
-                    self.fly(Track::Survey, now, self.knot_at(now));
+                // The way to the present waypoint can pass it now instead of stopping there.
+                if self.path.is_surveying() {
+                    self.survey(now);
                 }
             }
             None => self.is_exhausted = true,
         }
     }
 
-    /// Leaves the present trajectory for the survey, unless it is on it already.
-    ///
-    /// To be called again until it is: from some accelerated states there is no way within the
-    /// limits yet.
+    /// Flies the survey from the present motion on; to be called again and again.
     pub(super) fn survey(&mut self, now: Stamp<Mono>) {
-        self.forget_destination();
-        if self.track != Track::Survey {
-            self.fly(Track::Survey, now, self.knot_at(now));
-        }
+        let free_space = Arc::clone(&self.free_space);
+        let is_free = |place: &Point<Hall>, yaw_rad: f64| {
+            let waypoint = Waypoint { place: *place, yaw_rad };
+            free_space.nearest(&waypoint).is_some_and(|site| free_space.is_feasible(site))
+        };
+        self.path.survey(self.ahead.iter(), &is_free, now);
     }
 
     /// Goes on to the next piece where the present one has ended.
     pub(super) fn advance(&mut self, now: Stamp<Mono>) {
-        let finished = self.segment.as_ref().filter(|segment| segment.is_over(now));
-        let Some((end_at, end)) = finished.map(|s| (s.end_at(), *s.end())) else { return };
-        let track = self.track;
-        match track {
-            Track::Survey => {
-                self.ahead.pop_front();
-                self.steps_done += 1;
-            }
-            Track::Transit => {
-                self.transit.pop_front();
-                if self.transit.is_empty() {
-                    self.destination = None;
-                }
-            }
-            Track::Stop => {
-                self.depart(now);
-                return;
-            }
-        }
-        self.track = Track::Stop;
-        // At its speed, not from rest.
-        self.fly(track, end_at, Some(end));
+        let n_reached = self.path.advance(now).min(self.ahead.len());
+        self.ahead.drain(..n_reached);
+        self.steps_done += n_reached;
     }
 
-    /// Begins the piece to the first place of a track; false if there is none within the limits.
-    fn fly(&mut self, track: Track, at: Stamp<Mono>, from: Option<Knot>) -> bool {
-        let places: Vec<Vector3<f64>> = match track {
-            Track::Stop => return false,
-            Track::Survey => self.ahead.iter().take(LOOK_AHEAD).map(|w| w.place.coords).collect(),
-            Track::Transit => self.transit.iter().take(LOOK_AHEAD).copied().collect(),
-        };
-        let (Some(from), Some(&first)) = (from, places.first()) else { return false };
-        let path: Vec<_> = std::iter::once(from.position).chain(places).collect();
-        let velocity = passing_velocity(from.velocity.norm(), &path, &self.settings.limits);
-        let to = Knot { position: first, velocity, accel: Vector3::zeros() };
-        let Some(segment) = Segment::between(at, &from, &to, &self.settings.limits) else {
-            return false;
-        };
-        self.segment = Some(segment);
-        self.track = track;
-        true
+    /// The path that is flown.
+    pub(super) const fn path(&self) -> &FlightPath {
+        &self.path
     }
 
-    /// Flies straight to a place off the survey and stops there; stops first where it must.
-    pub(super) fn go_to(&mut self, place: &Vector3<f64>, now: Stamp<Mono>) {
-        self.destination = Some(*place);
-        if !self.depart(now) {
-            self.slow_down(now);
-        }
-    }
-
-    /// Begins the way to the destination, if there is one; false if it cannot begin yet.
-    fn depart(&mut self, now: Stamp<Mono>) -> bool {
-        let (Some(place), Some(from)) = (self.destination, self.knot_at(now)) else { return false };
-        let n_pieces = ((place - from.position).norm() / TRANSIT_SPACING_M).ceil().max(1.0);
-        self.transit = std::iter::successors(Some(1.0), |k| (*k < n_pieces).then_some(k + 1.0))
-            .map(|k| from.position.lerp(&place, k / n_pieces))
-            .collect();
-        self.fly(Track::Transit, now, Some(from))
-    }
-
-    fn forget_destination(&mut self) {
-        self.destination = None;
-        self.transit.clear();
-        if self.track == Track::Transit {
-            self.track = Track::Stop;
-        }
-    }
-
-    /// Stops within the limits and stays.
-    pub(super) fn brake(&mut self, now: Stamp<Mono>) {
-        self.forget_destination();
-        self.slow_down(now);
-    }
-
-    fn slow_down(&mut self, now: Stamp<Mono>) {
-        let Some(from) = self.knot_at(now) else { return };
-        self.segment = Some(Segment::brake(now, &from, &self.settings.limits));
-        self.track = Track::Stop;
-    }
-
-    /// Starts the trajectory at rest at a place.
-    pub(super) fn stand(&mut self, place: &Vector3<f64>, now: Stamp<Mono>) {
-        self.forget_destination();
-        self.segment = Some(Segment::hold(now, *place));
-        self.track = Track::Stop;
-    }
-
-    /// Ends all steering.
-    pub(super) fn let_go(&mut self) {
-        self.forget_destination();
-        self.segment = None;
-        self.track = Track::Stop;
-    }
-
-    /// Where the trajectory ends, once everything on the way there is flown.
-    pub(super) fn reached_end(&self, now: Stamp<Mono>) -> Option<Vector3<f64>> {
-        let is_there = self.track == Track::Stop && self.destination.is_none();
-        let segment = self.segment.as_ref().filter(|s| is_there && s.is_over(now))?;
-        Some(segment.end().position)
-    }
-
-    pub(super) fn knot_at(&self, now: Stamp<Mono>) -> Option<Knot> {
-        self.segment.as_ref().map(|segment| segment.knot_at(now))
-    }
-
-    pub(super) const fn segment(&self) -> Option<&Segment> {
-        self.segment.as_ref()
+    /// The same, to steer it off the survey.
+    pub(super) const fn path_mut(&mut self) -> &mut FlightPath {
+        &mut self.path
     }
 
     pub(super) const fn settings(&self) -> &Settings {

@@ -3,7 +3,7 @@
 use std::ops::RangeInclusive;
 
 /// Modules of `stockpilot` with their ranks; a module names lower ranks only.
-const RANKS: [(&str, u8); 19] = [
+const RANKS: [(&str, u8); 20] = [
     ("units", 0),
     ("time", 0),
     ("geometry", 1),
@@ -24,6 +24,7 @@ const RANKS: [(&str, u8); 19] = [
     // The file twins of the settings of rank 7 are converted there.
     ("config", 8),
     ("service", 9),
+    ("survey", 9),
 ];
 
 /// Ranks that do no I/O.

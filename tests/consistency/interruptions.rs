@@ -1,8 +1,9 @@
 //! Inertial samples that stay away, and a clock that jumps.
 
 use crate::scene::{Flight, settings};
+use crate::truth::stamp;
 use stockpilot::localization::{Health, Update};
-use stockpilot::messages::Verdict;
+use stockpilot::messages::{CameraId, Verdict};
 
 const UPDATES: [Update; 2] = [Update::Loose, Update::Tight];
 
@@ -39,6 +40,10 @@ fn a_longer_gap_loses_the_position_and_the_next_fix_declares_a_jump() {
         assert_eq!(flight.localizer.estimate().expect("started").reset_counter, 1);
         let n_started = flight.records.iter().filter(|r| r.verdict == Verdict::Initialized).count();
         assert_eq!(n_started, 2, "the start and the new one");
+        // The last frame before the gap was the last that agreed.
+        let since_s = flight.localizer.take_doubt().expect("a restart").seconds();
+        assert!((5.9..=6.0).contains(&since_s), "{since_s}");
+        assert!(flight.localizer.take_doubt().is_none(), "said once");
         assert!(flight.nees().iter().all(|nees| *nees < 16.3), "{:?}", flight.nees());
     }
 }
@@ -47,7 +52,7 @@ fn a_longer_gap_loses_the_position_and_the_next_fix_declares_a_jump() {
 fn a_map_of_scans_across_a_restart_has_no_transition() {
     let mut flight = Flight::new(3, settings(Update::Tight), 0.05);
     flight.fly_until(6.0, true);
-    let at = |t: f64| crate::truth::stamp(t);
+    let at = |t: f64| stamp(t);
     let chained = flight.localizer.pose_error_at(at(5.9), Some(at(5.8))).expect("inside");
     assert!(chained.from_previous.norm() > 1.0 && chained.rate_radps.norm() > 0.0);
     let single = flight.localizer.pose_error_at(at(5.9), None).expect("inside");
@@ -57,4 +62,23 @@ fn a_map_of_scans_across_a_restart_has_no_transition() {
     flight.fly_until(8.0, true);
     let after = flight.localizer.pose_error_at(at(7.9), Some(at(5.9))).expect("inside");
     assert!(after.from_previous.norm() <= 0.0);
+}
+
+#[test]
+fn staggered_cameras_do_not_hide_that_no_sample_comes() {
+    let mut settings = settings(Update::Tight);
+    settings.cameras.push(settings.cameras[0].clone());
+    let mut flight = Flight::new(4, settings, 0.0);
+    flight.fly_until(6.0, true);
+    assert_eq!(flight.health(), Health::Good);
+    // Two cameras of 30 fps, half a period apart: never more than 17 ms from frame to frame.
+    let mut t = 6.0;
+    for k in 0..150_u8 {
+        t += 1.0 / 60.0;
+        let mut frame = flight.frame(t);
+        frame.camera = CameraId(k % 2);
+        let record = flight.localizer.on_tags(&frame);
+        assert_eq!(record.verdict == Verdict::FromTheFuture, t > 6.02, "{t}: {record:?}");
+    }
+    assert_eq!(flight.localizer.health(stamp(t)), Health::Lost);
 }

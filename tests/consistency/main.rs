@@ -8,5 +8,6 @@ mod ground;
 mod interruptions;
 mod latency;
 mod nees;
+mod places;
 mod scene;
 mod truth;

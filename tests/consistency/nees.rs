@@ -68,6 +68,7 @@ fn drawn_start(motion: &Motion, noise: &mut Noise) -> (FilterState, Sensors) {
         gyro_bias_radps: Vector3::zeros(),
         accel_bias_mps2: Vector3::zeros(),
         P,
+        places: None,
     };
     (state, Sensors::new(gyro_bias, accel_bias, ImuNoise::default()))
 }

@@ -56,7 +56,8 @@ pub(crate) fn body_from_camera() -> Transform<Body, Camera> {
 }
 
 pub(crate) fn settings(update: Update) -> Settings {
-    let mut marker_map = MarkerMap::default();
+    // The tags hang exactly where the map says.
+    let mut marker_map = MarkerMap::default().with_place_sigma_m(0.0);
     for (id, corners) in tags() {
         let corners = corners.map(Point::from_coords);
         marker_map.insert(TagFamily::Tag36h11, id, corners).expect("a square");
@@ -193,7 +194,7 @@ impl Flight {
     }
 
     /// The frame stamped `t`, exposed a little before or after.
-    fn frame(&mut self, t: f64) -> TagDetections {
+    pub(crate) fn frame(&mut self, t: f64) -> TagDetections {
         let exposed = t + self.noise.normal() * CAPTURE_SIGMA_S;
         let seen = pixels(&self.motion.pose(exposed), &self.tags);
         let tags = seen

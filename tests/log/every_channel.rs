@@ -93,8 +93,12 @@ fn account() -> VolumeAccount {
         sigma: 0.01,
     };
     budget.shared.push(shared);
-    let shares =
-        VolumeShares { measured_ratio: 0.75, interpolated_ratio: 0.125, unseen_ratio: 0.125 };
+    let shares = VolumeShares {
+        measured_ratio: 0.5,
+        interpolated_ratio: 0.125,
+        unseen_ratio: 0.125,
+        disturbed_ratio: 0.25,
+    };
     VolumeAccount {
         name: "hall".to_owned(),
         estimate: volume(),
@@ -149,7 +153,13 @@ fn fix() -> FixRecord {
 
 fn surface() -> HeightMap {
     let grid = GridGeometry { x_min_m: -1.0, y_min_m: -2.0, cell_m: 0.5, n_cols: 3, n_rows: 2 };
-    HeightMap { at: AT, grid, mean_m: vec![0.5; 6], sigma_m: vec![0.25; 6] }
+    HeightMap {
+        at: AT,
+        grid,
+        mean_m: vec![0.5; 6],
+        sigma_m: vec![0.25; 6],
+        disturbed_cells: vec![4],
+    }
 }
 
 fn actions() -> Vec<Action> {

@@ -24,6 +24,7 @@ fn start() -> FilterState {
         gyro_bias_radps: Vector3::new(0.002, -0.001, 0.003),
         accel_bias_mps2: Vector3::new(0.05, -0.02, 0.1),
         P: Covariance::identity() * 0.01,
+        places: None,
     }
 }
 

@@ -3,7 +3,9 @@
 #![expect(clippy::expect_used, reason = "a helper of tests stops where its premise fails")]
 
 mod faults;
+mod merge;
 mod paper;
 mod parallel;
 mod support;
 mod survey;
+mod tracking;

@@ -56,7 +56,7 @@ impl Seen {
             {
                 self.wire_commands.push((now, data.command));
             }
-            Witnessed::Action(_) | Witnessed::ToAutopilot(_) => {}
+            Witnessed::Action(_) | Witnessed::ToAutopilot(_) | Witnessed::Event(_) => {}
         }
     }
 

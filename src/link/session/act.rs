@@ -24,6 +24,7 @@ impl Session {
             }
             Action::PublishOdometry(estimate) => self.push(outbound::odometry(estimate), out),
             Action::ReportVolume(report) => self.telemetry.report(report, now, &mut out.messages),
+            Action::VolumesAccounted(accounts) => self.telemetry.note(accounts),
             Action::Say(line) => {
                 self.telemetry.say(line.severity, &line.text, &mut out.messages);
             }
@@ -36,7 +37,6 @@ impl Session {
             | Action::PhaseChanged(_)
             | Action::FixTreated(_)
             | Action::SurfaceSolved(_)
-            | Action::VolumesAccounted(_)
             | Action::Ended(_) => {}
         }
         self.count_sent(sent_before, out);

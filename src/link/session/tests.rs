@@ -9,8 +9,9 @@ use super::*;
 use crate::geometry::{Direction, Point};
 use crate::link::Address;
 use crate::messages::{
-    CommandOutcome, FlightMode, OperatorAnswer, OperatorCommand, OperatorRequest, OperatorVerb,
-    Setpoint, VehicleCommand, VolumeEstimate,
+    CommandOutcome, FlightMode, Mass, OperatorAnswer, OperatorCommand, OperatorRequest,
+    OperatorVerb, Setpoint, VehicleCommand, VolumeAccount, VolumeBudget, VolumeEstimate,
+    VolumeShares,
 };
 use crate::mission::Phase;
 use crate::pilot::{Action, VolumeReport};

@@ -1,8 +1,10 @@
 //! From the tags of a frame to an update of the filter.
 
 use super::super::camera_model::CameraModel;
-use super::super::filter::{Covariance, FilterState, Innovation};
+use super::super::filter::{Covariance, FilterState, Innovation, PlacedFix};
 use super::super::frozen::Picture;
+use super::super::marker_map::MarkerMap;
+use super::super::place_errors::PlaceErrors;
 use super::super::ring::{FrameInsertion, FramePlaced, Insertion};
 use super::super::start::{AT_REST, IN_FLIGHT, Rest, agrees_with_gravity, set_sigma};
 use super::super::tag_health::{TagName, TagPoints};
@@ -115,20 +117,24 @@ impl Localizer {
             },
             tags: Vec::new(),
         };
-        let sighting = |place: &Point<Hall>, pixel: &[f64; 2]| Sighting {
+        let sighting = |place_idx: usize, place: &Point<Hall>, pixel: &[f64; 2]| Sighting {
             place: *place,
             pixel: Vector2::from(*pixel),
             offset_s: camera.row_offset_s(pixel[1]),
+            place_idx,
         };
         let map = &self.settings.marker_map;
         let is_unique = |tag: &&TagDetection| {
             frame.tags.iter().filter(|t| (t.family, t.id) == (tag.family, tag.id)).count() == 1
         };
         for tag in frame.tags.iter().filter(is_unique) {
-            let Some(corners) = map.corners(tag.family, tag.id) else { continue };
+            let place_idx = map.index(tag.family, tag.id);
+            let Some((idx, corners)) = place_idx.zip(map.corners(tag.family, tag.id)) else {
+                continue;
+            };
             let first = seen.frame.points.len();
             let corners = corners.iter().zip(&tag.corners_px);
-            seen.frame.points.extend(corners.map(|(place, pixel)| sighting(place, pixel)));
+            seen.frame.points.extend(corners.map(|(place, pixel)| sighting(idx, place, pixel)));
             let range = first..seen.frame.points.len();
             seen.tags.push(TagPoints { name: (tag.family, tag.id), range });
         }
@@ -136,8 +142,9 @@ impl Localizer {
             frame.points.iter().filter(|other| other.id == point.id).count() == 1
         };
         for point in frame.points.iter().filter(is_single) {
-            let place = map.point(point.id);
-            seen.frame.points.extend(place.map(|place| sighting(&place, &point.pixel_px)));
+            let place = map.point_index(point.id).zip(map.point(point.id));
+            let sighting = place.map(|(idx, place)| sighting(idx, &place, &point.pixel_px));
+            seen.frame.points.extend(sighting);
         }
         seen
     }
@@ -181,13 +188,14 @@ impl Localizer {
     /// Fuses the points of a frame, or the fix that stands in for them.
     fn take_frame(&mut self, at: Stamp<Mono>, seen: &Seen, record: &mut FixRecord) {
         let (settings, n_tags) = (&self.settings, seen.n_tags());
+        let marker_map = &self.settings.marker_map;
         let Some(ring) = &mut self.ring else { return };
         let frame = seen.frame.clone();
         let solve = |state: &FilterState, rate_radps: &Vector3<f64>| {
             let features = seen.features(Some(&Viewpoint::of(state, rate_radps)));
             let mut fix = near(&seen.frame.camera, &features, state, &settings.vision).ok()?;
             fix.pose_cov += capture_time_cov(state, rate_radps, settings.capture_sigma_s);
-            Some(fix)
+            Some(placed(fix, seen, marker_map))
         };
         record.source = FixSource::Tight;
         match ring.insert_frame(at, frame, solve) {
@@ -215,7 +223,7 @@ impl Localizer {
             self.note_fused(at, record);
         } else if let Some((fix, innovation)) = fallback {
             self.judge_fix(at, &fix, &innovation, n_tags, record);
-            record.fix = Some(fix);
+            record.fix = Some(fix.outcome);
         }
     }
 
@@ -245,8 +253,9 @@ impl Localizer {
                     fix.pose_cov += capture_time_cov(state, rate_radps, sigma_s);
                 }
                 record.n_points_used = fix.n_points;
+                let fix = placed(fix, seen, &self.settings.marker_map);
                 self.take_fix(record.at, &fix, seen.n_tags(), record);
-                record.fix = Some(fix);
+                record.fix = Some(fix.outcome);
             }
             Err(NoFix::NoKnownTag) => {}
             Err(NoFix::NotObservable) => record.verdict = Verdict::NotObservable,
@@ -257,7 +266,7 @@ impl Localizer {
     fn take_fix(
         &mut self,
         at: Stamp<Mono>,
-        fix: &FixOutcome,
+        fix: &PlacedFix,
         n_tags: usize,
         record: &mut FixRecord,
     ) {
@@ -287,7 +296,7 @@ impl Localizer {
     fn judge_fix(
         &mut self,
         at: Stamp<Mono>,
-        fix: &FixOutcome,
+        fix: &PlacedFix,
         innovation: &Innovation,
         n_tags: usize,
         record: &mut FixRecord,
@@ -299,19 +308,22 @@ impl Localizer {
             return;
         }
         let may_relocate = n_tags >= MIN_TAGS_TO_RELOCATE || self.is_on_ground;
-        let is_outvoted = self.gated.outvotes_filter(at, &fix.hall_from_body) && may_relocate;
+        let is_outvoted =
+            self.gated.outvotes_filter(at, &fix.outcome.hall_from_body) && may_relocate;
         record.verdict = if is_outvoted { self.restart(at, fix) } else { Verdict::Gated };
     }
 
     fn note_fused(&mut self, at: Stamp<Mono>, record: &mut FixRecord) {
         self.last_fused_at = self.last_fused_at.max(Some(at));
+        self.last_agreed_at = self.last_agreed_at.max(Some(at));
         self.placement = Placement::Tags;
         self.gated = GatedStreak::default();
         record.verdict = Verdict::Fused;
     }
 
     /// Starts the filter with this fix, at rest; with the biases of an alignment if there is one.
-    fn start(&mut self, at: Stamp<Mono>, fix: &FixOutcome) -> Verdict {
+    fn start(&mut self, at: Stamp<Mono>, placed: &PlacedFix) -> Verdict {
+        let fix = &placed.outcome;
         let Some(last_imu) = self.last_imu else { return Verdict::NotInitialized };
         let Some(rest) = self.rest.gyro_rest() else { return Verdict::NotInitialized };
         if !fits_gravity(fix, &rest) {
@@ -324,6 +336,7 @@ impl Localizer {
             gyro_bias_radps: rest.gyro_radps,
             accel_bias_mps2: Vector3::zeros(),
             P: Covariance::zeros(),
+            places: self.places_of(placed),
         };
         state.P.fixed_view_mut::<6, 6>(0, 0).copy_from(&fix.pose_cov);
         set_sigma(&mut state.P, &AT_REST);
@@ -334,7 +347,8 @@ impl Localizer {
 
     /// Puts the filter onto fixes that its gate kept refusing, or the first one after a jump of the
     /// time; declares the jump of the pose.
-    fn restart(&mut self, at: Stamp<Mono>, fix: &FixOutcome) -> Verdict {
+    fn restart(&mut self, at: Stamp<Mono>, placed: &PlacedFix) -> Verdict {
+        let fix = &placed.outcome;
         let (Some(ring), Some(last_imu)) = (&self.ring, self.last_imu) else {
             return Verdict::NotInitialized;
         };
@@ -350,6 +364,9 @@ impl Localizer {
         state.P = Covariance::zeros();
         state.P.fixed_view_mut::<6, 6>(0, 0).copy_from(&fix.pose_cov);
         set_sigma(&mut state.P, &IN_FLIGHT);
+        state.places = self.places_of(placed);
+        // The fixes agreed for the last time then; what followed was seen from a wrong pose.
+        self.doubtful_since = self.doubtful_since.or(self.last_agreed_at);
         self.reset_counter = self.reset_counter.wrapping_add(1);
         self.notices.push(StatusText {
             severity: Severity::Warning,
@@ -360,10 +377,28 @@ impl Localizer {
         Verdict::Initialized
     }
 
+    /// What misplaced tags do to a state that is put onto this fix.
+    fn places_of(&self, fix: &PlacedFix) -> Option<Box<PlaceErrors>> {
+        PlaceErrors::of_fix(self.settings.marker_map.place_sigma_m(), &fix.by_place)
+    }
+
     const fn note_placed(&mut self, at: Stamp<Mono>) {
         self.last_fused_at = Some(at);
+        self.last_agreed_at = Some(at);
         self.placement = Placement::Tags;
     }
+}
+
+/// A fix with what it owes to the places of its tags. Points that belong to no tag are left out:
+/// as one pose they count as exact.
+fn placed(outcome: FixOutcome, seen: &Seen, map: &MarkerMap) -> PlacedFix {
+    if map.place_sigma_m() <= 0.0 {
+        return PlacedFix::from(outcome);
+    }
+    let tags: Vec<TagName> = seen.tags.iter().map(|tag| tag.name).collect();
+    let pose = &outcome.hall_from_body;
+    let by_place = vision_fix::tag_sensitivity(&seen.frame.camera, map, &tags, pose);
+    PlacedFix { outcome, by_place }
 }
 
 /// What an uncertain capture time adds to the covariance of a fix in motion, 6×6.

@@ -5,6 +5,7 @@
 use super::*;
 use crate::geometry::Rotation;
 use crate::localization::propagation::Error;
+use crate::messages::FixOutcome;
 use crate::stats::SeedBook;
 use nalgebra::SMatrix;
 
@@ -23,6 +24,7 @@ fn ring() -> Ring {
         gyro_bias_radps: Vector3::zeros(),
         accel_bias_mps2: Vector3::zeros(),
         P: Covariance::identity() * 0.01,
+        places: None,
     };
     Ring::new(start, imu(0), ImuNoise::default(), Duration::from_secs(1))
 }
@@ -282,4 +284,23 @@ fn there_is_no_transition_from_outside_the_ring_or_backwards() {
     assert!(ring.error_transition(at_ms(40), at_ms(300)).is_none());
     let same = ring.error_transition(at_ms(40), at_ms(40)).expect("inside the ring");
     assert!((same - Covariance::identity()).amax() < 1e-12);
+}
+
+#[test]
+fn frames_do_not_carry_the_pose_on_without_samples() {
+    // Two cameras of 30 fps, staggered by 16 ms: each fix lies within 20 ms of the one before.
+    let mut ring = ring();
+    (1..=20).for_each(|step| ring.push_imu(imu(step * 5)));
+    let fix = fix(&mut SeedBook::new(7).stream("fix"));
+    let placed: Vec<bool> = (0..30)
+        .map(|k| matches!(ring.insert_fix(at_ms(101 + 16 * k), fix.clone()), Insertion::Placed(_)))
+        .collect();
+    // 101 and 117 ms lie within the tolerance of the last sample, at 100 ms.
+    assert!(placed[..2].iter().all(|is_in| *is_in), "{placed:?}");
+    assert!(placed[2..].iter().all(|is_in| !is_in), "{placed:?}");
+    assert!(ring.motion_at(at_ms(121)).is_none() && ring.motion_at(at_ms(120)).is_some());
+    assert!(ring.error_transition(at_ms(50), at_ms(121)).is_none());
+    // Samples that come back carry on.
+    ring.push_imu(imu(130));
+    assert!(matches!(ring.insert_fix(at_ms(149), fix), Insertion::Placed(_)));
 }

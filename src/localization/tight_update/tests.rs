@@ -10,7 +10,7 @@ use crate::time::Stamp;
 use nalgebra::{DMatrix, DVector};
 use std::time::Duration;
 
-fn state(noise: &mut Noise, scale: f64) -> FilterState {
+pub(super) fn state(noise: &mut Noise, scale: f64) -> FilterState {
     let half = Covariance::from_fn(|_, _| noise.normal()) * scale;
     FilterState {
         at: Stamp::ZERO,
@@ -22,13 +22,19 @@ fn state(noise: &mut Noise, scale: f64) -> FilterState {
         gyro_bias_radps: Vector3::zeros(),
         accel_bias_mps2: Vector3::zeros(),
         P: half * half.transpose() + Covariance::identity() * (0.01 * scale * scale),
+        places: None,
     }
 }
 
-const RATE: Vector3<f64> = Vector3::new(0.3, -0.5, 0.8);
+pub(super) const RATE: Vector3<f64> = Vector3::new(0.3, -0.5, 0.8);
 
 /// Ten tags of half a metre on a wall ahead, seen from `truth` with noise of `noise_px`.
-fn frame(truth: &Viewpoint, noise_px: f64, readout: Duration, noise: &mut Noise) -> Frame {
+pub(super) fn frame(
+    truth: &Viewpoint,
+    noise_px: f64,
+    readout: Duration,
+    noise: &mut Noise,
+) -> Frame {
     let camera = Arc::new(CameraModel { readout, ..distorted_camera() });
     let empty = Frame { camera, points: Vec::new(), corner_sigma_px: 0.4, capture_sigma_s: 0.002 };
     let mut points = Vec::new();
@@ -39,6 +45,7 @@ fn frame(truth: &Viewpoint, noise_px: f64, readout: Duration, noise: &mut Noise)
                 place: Point::new(10.0 + 0.2 * f64::from(k % 3), y + dy, z + dz),
                 pixel: Vector2::zeros(),
                 offset_s: 0.0,
+                place_idx: usize::try_from(k).unwrap(),
             };
             // The row decides the offset and the offset the row: a few rounds settle that.
             for _ in 0..4 {

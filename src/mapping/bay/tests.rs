@@ -93,6 +93,7 @@ fn an_unchanged_surface_over_its_own_survey_holds_nothing() {
         grid,
         mean_m: mean_m.clone(),
         sigma_m: vec![0.03; grid.n_cells()],
+        disturbed_cells: Vec::new(),
     };
     let survey = SurveyedBase::from_map(&map, 0.01).expect("a base");
     let region = region(vec![bay("A", &L, BaseSurface::Survey(survey))]);

@@ -44,18 +44,21 @@ fn map() -> FieldMap {
     FieldMap::new(Arc::new(Setup {
         settings: field_map::Settings { range_m: 3.0, calibration: SIGMAS, ..Default::default() },
         lattice: Arc::new(lattice),
-        lidar: LidarMount {
+        lidars: vec![LidarMount {
             body_from_lidar: mount(),
             range_sigma_m: 0.02,
             angle_sigma_rad: 0.003,
             min_range_m: 0.1,
             max_range_m: 12.0,
             blind_sectors_rad: Vec::new(),
-        },
+        }],
         bays: Arc::new(vec![BayOnGrid {
             name: "hall".to_owned(),
             base: Base::level(0.0, areas),
-            areas: Vec::new(),
+            areas: (0..grid().n_cells())
+                .map(|cell| (grid().centre_m(cell), grid().cell_area_m2()))
+                .collect(),
+            is_over_survey: false,
             density: None,
         }]),
     }))
@@ -131,9 +134,11 @@ fn footprint(turn: usize, wrong: &Wrong) -> Footprint {
             place_m: (believed * arm).coords.map(|c| c as f32).into(),
             arm_m: arm.coords.map(|c| c as f32).into(),
             n_beams: 1,
+            level: Patch::NO_LEVEL,
         })
         .collect();
     Footprint {
+        lidar_idx: 0,
         error: PoseError {
             at: Stamp::ZERO.plus(Duration::from_millis(100 * turn as u64)),
             cov: cov(turn),
@@ -276,9 +281,11 @@ fn white_sources_match_the_scatter_of_noisy_flights() {
     let n_flights = 150_u32;
     let mut noise = SeedBook::new(7).stream("beams");
     let quiet = footprints(&Wrong::default());
+    let n_nodes = map().lattice().n_nodes();
     let mut squares_m6 = 0.0;
     for _ in 0..n_flights {
-        let noisy = quiet.iter().cloned().map(|turn| shaken(turn, &mut noise)).collect();
+        let rough: Vec<f64> = (0..n_nodes).map(|_| noise.normal()).collect();
+        let noisy = quiet.iter().cloned().map(|turn| shaken(turn, &rough, &mut noise)).collect();
         squares_m6 += (solved(noisy).estimate.volume_m3 - account.estimate.volume_m3).powi(2);
     }
     let ratio = squares_m6 / f64::from(n_flights) / claimed;
@@ -286,8 +293,9 @@ fn white_sources_match_the_scatter_of_noisy_flights() {
     assert!((0.65..1.35).contains(&ratio), "scatter over claim: {ratio}");
 }
 
-/// Every hit moved along the vertical by a draw of its own variance.
-fn shaken(mut turn: Footprint, noise: &mut Noise) -> Footprint {
+/// Every hit moved along the vertical by a draw of its own variance and by its square's roughness,
+/// of which one draw is given per square.
+fn shaken(mut turn: Footprint, rough: &[f64], noise: &mut Noise) -> Footprint {
     let map = map();
     let heights: Vec<f64> = (0..map.lattice().n_nodes())
         .map(|node| map.lattice().place_m(node))
@@ -295,13 +303,14 @@ fn shaken(mut turn: Footprint, noise: &mut Noise) -> Footprint {
         .collect();
     let at = map.linearization(&heights);
     let data: Vec<_> = {
-        let shared = Turn::new(&turn, at);
+        let shared = Turn::new(&turn, at).expect("a known LiDAR");
         turn.patches.iter().map(|patch| shared.datum(patch)).collect()
     };
     for (patch, datum) in turn.patches.iter_mut().zip(data) {
         let Some(datum) = datum else { continue };
-        let sigma_m = (datum.sensor_var_m2 + datum.roughness_var_m2).sqrt();
-        patch.place_m[2] += (sigma_m * noise.normal()) as f32;
+        let own_sigma_m = (datum.sensor_var_m2 + datum.slope_var_m2).sqrt();
+        let rough_m = datum.roughness_var_m2.sqrt() * rough[datum.row.nodes[0] as usize];
+        patch.place_m[2] += (own_sigma_m * noise.normal() + rough_m) as f32;
     }
     turn
 }

@@ -72,14 +72,27 @@ impl Lattice {
     /// `separates` says whether a wall stands between two points (x, y), m. It is asked for each
     /// link, and in squares with a wall also for each eighth of the edges.
     #[must_use]
+    pub fn covering(
+        grid: &GridGeometry,
+        padding_m: f64,
+        separates: impl Fn((f64, f64), (f64, f64)) -> bool,
+    ) -> Self {
+        Self::covering_beside_walls(grid, padding_m, |place| place, separates)
+    }
+
+    /// The same where walls have a thickness: `stand_in` gives the point that is asked for a node,
+    /// itself or one beside the wall that it lies in, so that the ground in front of the wall has a
+    /// node to rest on.
+    #[must_use]
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
         reason = "a float cast to an integer saturates"
     )]
-    pub fn covering(
+    pub fn covering_beside_walls(
         grid: &GridGeometry,
         padding_m: f64,
+        stand_in: impl Fn((f64, f64)) -> (f64, f64),
         separates: impl Fn((f64, f64), (f64, f64)) -> bool,
     ) -> Self {
         let n_pad = (padding_m / grid.cell_m).ceil().max(1.0) as usize;
@@ -94,30 +107,38 @@ impl Lattice {
             analysis: OnceLock::new(),
         };
         for node in 0..lattice.n_nodes() {
-            lattice.tie(node, &separates);
+            lattice.tie(node, &stand_in, &separates);
         }
         lattice
     }
 
     /// Binds a node to its neighbours east and north, and looks for walls in its square.
-    fn tie(&mut self, node: usize, separates: &impl Fn((f64, f64), (f64, f64)) -> bool) {
+    fn tie(
+        &mut self,
+        node: usize,
+        stand_in: &impl Fn((f64, f64)) -> (f64, f64),
+        separates: &impl Fn((f64, f64), (f64, f64)) -> bool,
+    ) {
         let (col, row) = (node % self.n_cols, node / self.n_cols);
         let (has_east, has_north) = (col + 1 < self.n_cols, row + 1 < self.n_rows);
-        let here = self.place_m(node);
+        let at = |lattice: &Self, node| stand_in(lattice.place_m(node));
+        let here = at(self, node);
         let (east, north) = (node + 1, node + self.n_cols);
-        if has_east && !separates(here, self.place_m(east)) {
+        if has_east && !separates(here, at(self, east)) {
             self.links[node] |= EAST;
             self.links[east] |= WEST;
         }
-        if has_north && !separates(here, self.place_m(north)) {
+        if has_north && !separates(here, at(self, north)) {
             self.links[node] |= NORTH;
             self.links[north] |= SOUTH;
         }
         if has_east && has_north {
-            let corners = [node, east, north, north + 1].map(|n| self.place_m(n));
+            let corners = [node, east, north, north + 1].map(|n| at(self, n));
             let pairs = [(0, 1), (0, 2), (1, 3), (2, 3), (0, 3), (1, 2)];
+            let here_m = self.place_m(node);
             if pairs.iter().any(|&(a, b)| separates(corners[a], corners[b])) {
-                self.cut_squares.insert(node, seen_corners(&corners, separates));
+                let seen = seen_corners(here_m, self.grid.cell_m, &corners, separates);
+                self.cut_squares.insert(node, seen);
             }
         }
     }
@@ -168,6 +189,45 @@ impl Lattice {
             at_nodes[self.node_of_cell(cell)] = *value;
         }
         at_nodes
+    }
+
+    /// Areas of cells, given at their nodes → the areas that the nodes stand for when each cell counts
+    /// with the mean of the bilinear surface over it, not with the height in its middle.
+    ///
+    /// ```text
+    /// along x and then along y:   mean = (h₋ + 6 h + h₊)/8
+    /// ```
+    /// In the midst of the nodes both give the same volume. At a wall they differ: the nodes fit the
+    /// ground between them, which bulges over a hilltop's chords, and where the hill is cut off by a
+    /// wall no foot makes up for that. A node without a neighbour on either side is its own mean,
+    /// which is linear extrapolation.
+    #[must_use]
+    pub fn spread_over_cells(&self, of_cells: &[f64]) -> Vec<f64> {
+        let along = |values: &[f64], (back, ahead): (u8, u8), step: usize| {
+            let mut spread = values.to_vec();
+            for (node, value) in values.iter().enumerate() {
+                if self.links[node] & (back | ahead) == back | ahead {
+                    spread[node] -= 0.25 * value;
+                    spread[node - step] += 0.125 * value;
+                    spread[node + step] += 0.125 * value;
+                }
+            }
+            spread
+        };
+        along(&along(of_cells, (WEST, EAST), 1), (SOUTH, NORTH), self.n_cols)
+    }
+
+    /// The node that is nearest to a point; one on the border for points outside.
+    #[must_use]
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "a float cast to an integer saturates"
+    )]
+    pub fn nearest_node(&self, x_m: f64, y_m: f64) -> usize {
+        let (x0, y0) = self.place_m(0);
+        let index = |at_m: f64, n: usize| ((at_m / self.grid.cell_m).round() as usize).min(n - 1);
+        index(y_m - y0, self.n_rows) * self.n_cols + index(x_m - x0, self.n_cols)
     }
 
     /// Where a node lies in the hall, x and y, m.
@@ -237,14 +297,16 @@ impl Lattice {
 /// For each part of a square, which corners no wall hides from its middle.
 #[expect(clippy::cast_precision_loss, reason = "parts of an edge")]
 fn seen_corners(
+    south_west_m: (f64, f64),
+    edge_m: f64,
     corners: &[(f64, f64); 4],
     separates: &impl Fn((f64, f64), (f64, f64)) -> bool,
 ) -> [u8; PARTS * PARTS] {
-    let step_m = (corners[1].0 - corners[0].0) / PARTS as f64;
+    let step_m = edge_m / PARTS as f64;
     let middle = |part: usize| (part as f64 + 0.5) * step_m;
     let mut seen = [0; PARTS * PARTS];
     for (part, mask) in seen.iter_mut().enumerate() {
-        let place = (corners[0].0 + middle(part % PARTS), corners[0].1 + middle(part / PARTS));
+        let place = (south_west_m.0 + middle(part % PARTS), south_west_m.1 + middle(part / PARTS));
         for (bit, corner) in corners.iter().enumerate() {
             *mask |= u8::from(!separates(place, *corner)) << bit;
         }

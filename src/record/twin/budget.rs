@@ -11,6 +11,7 @@ enum BudgetSourceTwin {
     Prior,
     BeamNoise,
     Roughness,
+    Occlusion,
     Pose,
     LidarMounting,
     RangeBias,
@@ -66,7 +67,6 @@ impl BudgetTwin {
         .serialize(to)
     }
 
-    #[cfg_attr(not(test), expect(dead_code, reason = "waits for the reader of old surveys"))]
     pub(in crate::record) fn deserialize<'de, D: Deserializer<'de>>(
         from: D,
     ) -> Result<VolumeBudget, D::Error> {

@@ -1,4 +1,4 @@
-//! The recorded form of actions; one way.
+//! The recorded form of actions; one way, but for the volumes, which later surveys are compared with.
 
 use super::budget::BudgetTwin;
 use super::enums::{
@@ -17,7 +17,7 @@ use crate::pilot::{FlightSummary, JobId, PhaseChange, VolumeReport};
 use crate::time::{Mono, Stamp};
 use nalgebra::{Matrix6, SMatrix, Vector3};
 use schemars::{JsonSchema, Schema, SchemaGenerator};
-use serde::{Serialize, Serializer};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::borrow::Cow;
 
 #[derive(Serialize, JsonSchema)]
@@ -68,7 +68,7 @@ pub(in crate::record) struct StartedTwin {
     pub(in crate::record) id: JobId,
 }
 
-#[derive(Serialize, JsonSchema)]
+#[derive(Serialize, Deserialize, JsonSchema)]
 #[serde(remote = "VolumeEstimate")]
 struct VolumeTwin {
     #[serde(rename = "at_ns", with = "Nanos")]
@@ -78,31 +78,44 @@ struct VolumeTwin {
     coverage_ratio: f64,
 }
 
-#[derive(Serialize, JsonSchema)]
+#[derive(Serialize, Deserialize, JsonSchema)]
 #[serde(remote = "VolumeShares")]
 struct SharesTwin {
     measured_ratio: f64,
     interpolated_ratio: f64,
     unseen_ratio: f64,
+    /// Logs of earlier builds do not know it.
+    #[serde(default)]
+    disturbed_ratio: f64,
 }
 
-#[derive(Serialize, JsonSchema)]
+#[derive(Serialize, Deserialize, JsonSchema)]
 struct MassItem {
     mass_t: f64,
     sigma_t: f64,
 }
 
-fn mass<S: Serializer>(mass: &Option<Mass>, to: S) -> Result<S::Ok, S::Error> {
-    mass.map(|Mass { mass_t, sigma_t }| MassItem { mass_t, sigma_t }).serialize(to)
+/// A mass, if there is one.
+struct OptionalMass;
+
+impl OptionalMass {
+    fn serialize<S: Serializer>(mass: &Option<Mass>, to: S) -> Result<S::Ok, S::Error> {
+        mass.map(|Mass { mass_t, sigma_t }| MassItem { mass_t, sigma_t }).serialize(to)
+    }
+
+    fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Option<Mass>, D::Error> {
+        let item = Option::<MassItem>::deserialize(from)?;
+        Ok(item.map(|MassItem { mass_t, sigma_t }| Mass { mass_t, sigma_t }))
+    }
 }
 
-#[derive(Serialize, JsonSchema)]
+#[derive(Serialize, Deserialize, JsonSchema)]
 #[serde(remote = "VolumeAccount")]
 struct AccountTwin {
     name: String,
     #[serde(with = "VolumeTwin")]
     estimate: VolumeEstimate,
-    #[serde(serialize_with = "mass")]
+    #[serde(with = "OptionalMass")]
     #[schemars(with = "Option<MassItem>")]
     mass: Option<Mass>,
     #[serde(with = "BudgetTwin")]
@@ -111,13 +124,19 @@ struct AccountTwin {
     shares: VolumeShares,
 }
 
-#[derive(Serialize, JsonSchema)]
+#[derive(Serialize, Deserialize, JsonSchema)]
 struct AccountItem(#[serde(with = "AccountTwin")] VolumeAccount);
 
 /// The whole region's account first, then those of the bays.
-#[derive(Serialize, JsonSchema)]
+#[derive(Serialize, Deserialize, JsonSchema)]
 pub(in crate::record) struct AccountsTwin {
     accounts: Vec<AccountItem>,
+}
+
+impl AccountsTwin {
+    pub(in crate::record) fn into_accounts(self) -> Vec<VolumeAccount> {
+        self.accounts.into_iter().map(|item| item.0).collect()
+    }
 }
 
 impl From<&[VolumeAccount]> for AccountsTwin {
@@ -138,6 +157,7 @@ struct HitCountsTwin {
     poor_pose: u64,
     on_ground: u64,
     refused: u64,
+    forgotten: u64,
 }
 
 #[derive(Serialize, JsonSchema)]
@@ -260,6 +280,7 @@ pub(in crate::record) struct SurfaceTwin {
     grid: GridGeometry,
     mean_m: Vec<f64>,
     sigma_m: Vec<f64>,
+    disturbed_cells: Vec<usize>,
 }
 
 #[derive(Serialize, JsonSchema)]

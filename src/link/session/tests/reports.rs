@@ -79,3 +79,49 @@ fn nothing_is_said_before_an_autopilot_is_there() {
     assert!(scene.sent().is_empty());
     assert_eq!(scene.outcomes(), [(VehicleCommand::Arm, false)]);
 }
+
+fn bay(name: &str, volume_m3: f64, mass_t: Option<f64>) -> VolumeAccount {
+    VolumeAccount {
+        name: name.to_owned(),
+        estimate: VolumeEstimate { volume_m3, ..volume_report(false).estimate },
+        mass: mass_t.map(|mass_t| Mass { mass_t, sigma_t: 0.5 }),
+        budget: VolumeBudget::default(),
+        shares: VolumeShares::default(),
+    }
+}
+
+#[test]
+fn bays_take_turns_in_numbers_and_each_has_a_last_line() {
+    let mut scene = Scene::heard();
+    let accounts =
+        vec![bay("hall", 30.0, None), bay("gravel 0/32", 10.0, Some(15.0)), bay("ö", 20.0, None)];
+    scene.acts(&Action::VolumesAccounted(accounts), 0);
+    let mut values = Vec::new();
+    let mut lines = Vec::new();
+    for second in 0..=4 {
+        scene.acts(&Action::ReportVolume(volume_report(second == 4)), second * 1_000);
+        for message in scene.sent() {
+            match message {
+                MavMessage::NAMED_VALUE_FLOAT(data) => {
+                    let name = data.name.to_str().unwrap().to_owned();
+                    if name.as_bytes()[1].is_ascii_digit() {
+                        values.push((second, name, data.value));
+                    }
+                }
+                MavMessage::STATUSTEXT(data) => lines.push(data.text.to_str().unwrap().to_owned()),
+                other => panic!("{other:?}"),
+            }
+        }
+    }
+    let of = |second| -> Vec<(&str, f32)> {
+        let at = values.iter().filter(|(at, ..)| *at == second);
+        at.map(|(_, name, value)| (name.as_str(), *value)).collect()
+    };
+    assert_eq!(of(0), [("V1_gravel_", 10.0), ("U1_gravel_", 5.1), ("T1_gravel_", 15.0)]);
+    assert_eq!(of(1), [("V2__", 20.0), ("U2__", 5.1)]);
+    assert_eq!(of(2), of(0));
+    // Pieces of 50 bytes, each line by itself.
+    let text = lines.concat();
+    assert!(text.contains("final gravel 0/32 10.0 +- 5.1 m3, 15.0 +- 1.0 t"), "{text}");
+    assert_eq!(text.matches("final").count(), 3, "{text}");
+}

@@ -1,0 +1,17 @@
+//! After the flight: maps of several logs as one, the change between two surveys, and what people
+//! read of both.
+//!
+//! ```text
+//! LOG LOG … ─ events ─▶ turns ─▶ mapping::merge ─▶ one solve ─▶ volumes ─▶ table, JSON, new log
+//! EARLIER, LATER ─ recorded volumes ─▶ mapping::change ─▶ Δ ± U, verdict
+//! ```
+//!
+//! Not done here: the mathematics (`mapping`), and reading files (`record`, `config`).
+
+mod compare;
+mod merge;
+mod table;
+
+pub use compare::{BayChange, ChangeReport, Origin, Survey, SurveyError, compare};
+pub use merge::{MergeLogsError, MergeOptions, MergedLog, MergedSurvey, merge_logs};
+pub use table::{AccountLine, accounts_table};
