@@ -97,15 +97,23 @@ pub trait Figure {
     /// # Errors
     /// As [`Self::svg`], and files that cannot be written.
     fn write(&self, folder: &Path, name: &str) -> Result<(), FigureError> {
-        let svg = self.svg()?;
-        write_file(&folder.join(format!("{name}.png")), &raster::png(&svg)?)?;
-        write_file(&folder.join(format!("{name}.svg")), svg.as_bytes())?;
+        self.write_pictures(folder, name)?;
         for table in self.tables() {
             let kind =
                 if table.kind.is_empty() { String::new() } else { format!(".{}", table.kind) };
             write_file(&folder.join(format!("{name}{kind}.csv")), table.csv().as_bytes())?;
         }
         Ok(())
+    }
+
+    /// Writes `NAME.svg` and `NAME.png` alone.
+    ///
+    /// # Errors
+    /// As [`Self::write`].
+    fn write_pictures(&self, folder: &Path, name: &str) -> Result<(), FigureError> {
+        let svg = self.svg()?;
+        write_file(&folder.join(format!("{name}.png")), &raster::png(&svg)?)?;
+        write_file(&folder.join(format!("{name}.svg")), svg.as_bytes())
     }
 }
 

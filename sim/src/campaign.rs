@@ -18,11 +18,11 @@ use stockpilot::config::{Config, ConfigError};
 use stockpilot::link::{Session, SessionOutput};
 use stockpilot::messages::NavEstimate;
 use stockpilot::mission::Phase;
-use stockpilot::pilot::{Action, Event, FlightSummary, JobId, JobOutput, Pilot, TICK_RATE_HZ};
+use stockpilot::pilot::{Action, Event, FlightSummary, Job, JobId, JobOutput, Pilot, TICK_RATE_HZ};
 use stockpilot::time::{Mono, Stamp};
 
 /// A flight that has not ended by then will not end by itself.
-const LONGEST_FLIGHT: Duration = Duration::from_secs(900);
+pub const LONGEST_FLIGHT: Duration = Duration::from_secs(900);
 /// Jobs take this long in virtual time, as they do beside a real brain.
 const JOB_TIME: Duration = Duration::from_millis(100);
 
@@ -86,6 +86,7 @@ pub struct DirectFlight {
     n_ticks: u64,
     jobs: VecDeque<(Stamp<Mono>, JobId, JobOutput)>,
     n_samples_sent: u64,
+    plan_times: Vec<Duration>,
     summary: Option<FlightSummary>,
 }
 
@@ -103,28 +104,17 @@ pub fn run(
     while flight.summary.is_none() && flight.rig.now() < limit {
         flight.step(&mut witness);
     }
-    let Some(summary) = flight.summary else {
-        return Err(CampaignError::NoEnd {
-            seed: scenario.seed,
-            limit_s: LONGEST_FLIGHT.as_secs(),
-            last_words: flight.operator.texts,
-        });
-    };
-    let measured = Measured {
-        flight: summary,
-        poses: flight.poses,
-        beams_sent: flight.n_samples_sent,
-        // Nothing lies between sensor and brain here that could lose one.
-        beams_dropped: 0,
-        wall_time: began.elapsed(),
-        load: None,
-    };
-    Ok(RunReport::new(scenario, &flight.rig, &measured, None))
+    flight.report(scenario, began.elapsed()).ok_or_else(|| CampaignError::NoEnd {
+        seed: scenario.seed,
+        limit_s: LONGEST_FLIGHT.as_secs(),
+        last_words: flight.operator.texts,
+    })
 }
 
 /// The one place where a campaign looks at the wall's clock: to say how fast it was.
 #[expect(clippy::disallowed_methods, reason = "measures the run, not the flight")]
-fn wall_clock() -> Instant {
+#[must_use]
+pub fn wall_clock() -> Instant {
     Instant::now()
 }
 
@@ -155,6 +145,7 @@ impl DirectFlight {
             n_ticks: 0,
             jobs: VecDeque::new(),
             n_samples_sent: 0,
+            plan_times: Vec::new(),
             summary: None,
         })
     }
@@ -186,6 +177,33 @@ impl DirectFlight {
     #[must_use]
     pub const fn summary(&self) -> Option<&FlightSummary> {
         self.summary.as_ref()
+    }
+
+    /// What the flight came to beside the truth; `None` before its end.
+    #[must_use]
+    pub fn report(&self, scenario: &Scenario, wall_time: Duration) -> Option<RunReport> {
+        let measured = Measured {
+            flight: self.summary.clone()?,
+            poses: self.poses,
+            beams_sent: self.n_samples_sent,
+            // Nothing lies between sensor and brain here that could lose one.
+            beams_dropped: 0,
+            wall_time,
+            load: None,
+        };
+        Some(RunReport::new(scenario, &self.rig, &measured, None))
+    }
+
+    /// Samples that the LiDAR has sent so far.
+    #[must_use]
+    pub const fn n_samples_sent(&self) -> u64 {
+        self.n_samples_sent
+    }
+
+    /// What each planning job so far took on this machine.
+    #[must_use]
+    pub fn plan_times(&self) -> &[Duration] {
+        &self.plan_times
     }
 
     /// What the brain has said to the ground station.
@@ -252,7 +270,12 @@ impl DirectFlight {
     fn act(&mut self, action: Action, now: Stamp<Mono>) {
         match action {
             Action::Start { id, job } => {
-                self.jobs.push_back((now.plus(JOB_TIME), id, job.run()));
+                let began = wall_clock();
+                let output = job.run();
+                if !matches!(*job, Job::SolveSurface(_)) {
+                    self.plan_times.push(began.elapsed());
+                }
+                self.jobs.push_back((now.plus(JOB_TIME), id, output));
             }
             Action::Ended(summary) => self.summary = Some(*summary),
             _ => {}

@@ -1,4 +1,8 @@
-//! Compares what the service claims with the truth.
+//! Compares what the service claims, and where it flies, with the truth.
+
+mod free_space;
+
+pub use free_space::{FreeSpaceJudge, FreeSpaceRule, fix_quality};
 
 use mavlink::dialects::ardupilotmega::{MavMessage, ODOMETRY_DATA};
 use nalgebra::Vector3;

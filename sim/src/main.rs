@@ -11,8 +11,10 @@ use stockpilot::survey::accounts_table;
 use stockpilot::time::{Mono, Stamp};
 use stockpilot_sim::camera::CameraArgs;
 use stockpilot_sim::campaign::{self, Witnessed};
+use stockpilot_sim::comparison::{self, ComparisonArgs};
 use stockpilot_sim::consistency::{self, ConsistencyArgs};
 use stockpilot_sim::fly::{self, FlyOptions};
+use stockpilot_sim::paper::{self, PaperArgs};
 use stockpilot_sim::parallel::{n_cores, run_in_order};
 use stockpilot_sim::report::{CampaignReport, RunReport};
 use stockpilot_sim::scenario::ScenarioArgs;
@@ -33,6 +35,8 @@ enum Command {
     Campaign(CampaignArgs),
     /// Many flights; NEES and NIS of the localisation beside their χ² bands.
     Consistency(ConsistencyArgs),
+    /// The experiment of the paper: its pictures and its table.
+    Paper(PaperArgs),
 }
 
 #[derive(Debug, Args)]
@@ -47,6 +51,8 @@ struct CampaignArgs {
     /// Flights at once; as many as there are cores if left out. Results do not depend on it.
     #[arg(long)]
     jobs: Option<NonZeroUsize>,
+    #[command(flatten)]
+    comparison: ComparisonArgs,
     /// Print one JSON object instead of a table.
     #[arg(long)]
     json: bool,
@@ -82,6 +88,7 @@ fn main() -> anyhow::Result<ExitCode> {
     match Cli::parse().command {
         Some(Command::Campaign(args)) => run_campaign(&args),
         Some(Command::Consistency(args)) => consistency::run(&args).map(|()| ExitCode::SUCCESS),
+        Some(Command::Paper(args)) => paper::run(&args).map(|()| ExitCode::SUCCESS),
         Some(Command::Fly(args)) => run_fly(&args),
         None => run_fly(&FlyArgs::parse_from(["fly"])),
     }
@@ -162,6 +169,12 @@ fn trace(at: Stamp<Mono>, action: &Action) {
 fn run_campaign(args: &CampaignArgs) -> anyhow::Result<ExitCode> {
     // Traces of several flights at once could not be told apart.
     let n_jobs = if args.trace { NonZeroUsize::MIN } else { args.jobs.unwrap_or_else(n_cores) };
+    if args.comparison.is_wanted() {
+        let CampaignArgs { scenario, camera, comparison, seeds, .. } = args;
+        let compared = comparison::run(scenario, camera, comparison, seeds.clone(), n_jobs)?;
+        compared.print(args.json)?;
+        return Ok(ExitCode::SUCCESS);
+    }
     let fly = |seed| -> anyhow::Result<RunReport> {
         let mut scenario = args.scenario.scenario(seed)?;
         args.camera.apply(&mut scenario.camera);

@@ -78,6 +78,27 @@ impl Lattice {
         ]
     }
 
+    /// The border between the cells whose value is above a level and the others, for
+    /// [`Shape::Segments`](super::Shape::Segments): where the map ends is no border.
+    #[must_use]
+    pub fn border_m(&self, level: f64) -> Vec<[f64; 2]> {
+        let is_above = |k: usize| self.values.get(k).is_some_and(|v| *v > level);
+        let half_m = 0.5 * self.cell_m;
+        let mut ends = Vec::new();
+        for k in 0..self.values.len() {
+            let [x, y] = self.centre_m(k);
+            let has_right = (k + 1) % self.n_cols != 0;
+            if has_right && is_above(k) != is_above(k + 1) {
+                ends.extend([[x + half_m, y - half_m], [x + half_m, y + half_m]]);
+            }
+            let has_upper = k + self.n_cols < self.values.len();
+            if has_upper && is_above(k) != is_above(k + self.n_cols) {
+                ends.extend([[x - half_m, y + half_m], [x + half_m, y + half_m]]);
+            }
+        }
+        ends
+    }
+
     /// Centre of a cell, m.
     #[expect(clippy::cast_precision_loss, reason = "lattices are small")]
     fn centre_m(&self, k: usize) -> [f64; 2] {

@@ -74,7 +74,7 @@ pub(super) fn draw(area: &Area<'_>, entries: &[Entry], width: i32) -> Result<(),
 fn draw_sample(area: &Area<'_>, sample: Sample, x: i32, y: i32) -> Result<(), FigureError> {
     let end = x + SAMPLE_WIDTH;
     match sample {
-        Sample::Mark(shape @ (Shape::Path | Shape::Outline), ink) => {
+        Sample::Mark(shape @ (Shape::Path | Shape::Outline | Shape::Segments), ink) => {
             // The ground of the map is dark in places, that of the legend never.
             let ink = if ink == Ink::White { Ink::Grey } else { ink };
             draw_marks(area, shape, ink, &[(x, y), (end, y)])

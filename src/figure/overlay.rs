@@ -57,6 +57,8 @@ pub enum Shape {
     Path,
     /// A closed line, for instance around an obstacle.
     Outline,
+    /// Lines from each point of even number to the one after it, for instance a border in pieces.
+    Segments,
     /// A disc at each point.
     Dots,
     /// A cross at each point.
@@ -70,6 +72,7 @@ impl Shape {
         match self {
             Self::Path => "path",
             Self::Outline => "outline",
+            Self::Segments => "segments",
             Self::Dots => "dots",
             Self::Crosses => "crosses",
             Self::Triangles => "triangles",
@@ -129,6 +132,11 @@ pub(super) fn draw_marks(
             drawn(area.draw(&PathElement::new(points.to_vec(), line(rim, 4))))?;
             drawn(area.draw(&PathElement::new(points.to_vec(), line(ink, 2))))
         }
+        Shape::Segments => [(rim, 4), (ink, 2)].into_iter().try_for_each(|(ink, width)| {
+            points.chunks_exact(2).try_for_each(|ends| {
+                drawn(area.draw(&PathElement::new(ends.to_vec(), line(ink, width))))
+            })
+        }),
         Shape::Dots => points.iter().try_for_each(|&at| {
             drawn(area.draw(&Circle::new(at, MARK + 1, rim.rgb().filled())))?;
             drawn(area.draw(&Circle::new(at, MARK, ink.rgb().filled())))

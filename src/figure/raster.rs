@@ -5,7 +5,7 @@ use resvg::tiny_skia::{Color, Pixmap, Transform};
 use resvg::usvg::{Options, Tree, fontdb};
 use std::sync::Arc;
 
-/// Latin, Greek and mathematical signs of DejaVu Sans; its licence lies beside it.
+/// Latin, Greek and mathematical signs of `DejaVu` Sans; its licence lies beside it.
 const FONT: &[u8] = include_bytes!("font/DejaVuSans-subset.ttf");
 const FAMILY: &str = "DejaVu Sans";
 /// Pixels for each unit of the SVG.

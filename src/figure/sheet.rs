@@ -1,7 +1,6 @@
 //! Several pictures on one sheet.
 
 use super::{Figure, FigureError, Table};
-use std::fmt::Write;
 
 /// Pictures side by side, row by row, each with its own title.
 #[derive(Debug, Clone, PartialEq)]
@@ -32,8 +31,7 @@ impl<F: Figure> Figure for Sheet<F> {
             for (svg, (w, _)) in row {
                 // Each picture is an SVG by itself, set at its place.
                 let rest = svg.strip_prefix("<svg ").unwrap_or(svg);
-                // Writing into a text cannot fail.
-                let _ = write!(inside, "<svg x=\"{x}\" y=\"{y}\" {rest}");
+                inside.push_str(&format!("<svg x=\"{x}\" y=\"{y}\" {rest}"));
                 x += w;
             }
             width = width.max(x);

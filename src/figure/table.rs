@@ -1,7 +1,5 @@
 //! The numbers of a picture as comma-separated values (RFC 4180, lines end in a single line feed).
 
-use std::fmt::Write;
-
 /// One table of numbers, each row with a name of what it belongs to.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Table {
@@ -31,8 +29,7 @@ impl Table {
                 text.push_str(separator);
                 separator = ",";
                 if number.is_finite() {
-                    // Writing into a text cannot fail.
-                    let _ = write!(text, "{number}");
+                    text.push_str(&number.to_string());
                 }
             }
             text.push('\n');

@@ -224,3 +224,18 @@ fn a_sheet_is_written_with_all_of_its_tables() {
     let all = std::fs::read_to_string(folder.path().join("hills.svg")).unwrap();
     assert_eq!(all.matches("<text").count(), 3 * one.matches("<text").count());
 }
+
+#[test]
+fn the_border_of_a_level_runs_between_the_cells() {
+    let map = Lattice {
+        x_min_m: 10.0,
+        y_min_m: 0.0,
+        cell_m: 2.0,
+        n_cols: 2,
+        values: vec![1.0, 5.0, f64::NAN, 0.0],
+    };
+    // Only the lower right cell is above 3: a border to its left and one above it.
+    let expected = [[12.0, 0.0], [12.0, 2.0], [12.0, 2.0], [14.0, 2.0]];
+    assert_eq!(map.border_m(3.0), expected);
+    assert!(map.border_m(9.0).is_empty());
+}

@@ -4,6 +4,7 @@
 
 mod faults;
 mod merge;
+mod paper;
 mod parallel;
 mod support;
 mod survey;
