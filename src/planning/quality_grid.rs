@@ -226,18 +226,12 @@ impl QualityGrid {
         self.node(node).quality
     }
 
-    /// Evaluates every node, on `n_threads` threads; the values do not depend on their number.
-    pub fn fill(&self, n_threads: usize) {
-        let n_threads = n_threads.max(1);
-        std::thread::scope(|scope| {
-            for thread in 0..n_threads {
-                scope.spawn(move || {
-                    for index in (thread..self.nodes.len()).step_by(n_threads) {
-                        self.node(index);
-                    }
-                });
-            }
-        });
+    /// Evaluates every `n_parts`-th node from the `part`-th on, so that several callers share the
+    /// work; a node's value does not depend on who evaluates it.
+    pub fn fill(&self, part: usize, n_parts: usize) {
+        for index in (part..self.nodes.len()).step_by(n_parts.max(1)) {
+            self.node(index);
+        }
     }
 
     /// `q_pos` of the worst node around; 0 outside of the grid.

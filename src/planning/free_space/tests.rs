@@ -153,13 +153,18 @@ fn headings_wrap_and_ways_turn_the_shorter_side() {
 }
 
 #[test]
-fn filling_on_threads_changes_nothing() {
+fn who_evaluates_a_node_and_when_changes_nothing() {
     let map = marker_map(|facing| facing.x < 0.5);
     let mut small = settings();
     small.space.grid_m = 4.0;
     small.space.height_step_m = 2.0;
     let (lazy, filled) = (space_of(&small, &map), space_of(&small, &map));
-    filled.quality().fill(2);
+    std::thread::scope(|scope| {
+        for part in 0..2 {
+            let filled = &filled;
+            scope.spawn(move || filled.quality().fill(part, 2));
+        }
+    });
     assert_eq!(lazy, filled);
     for node in 0..lazy.quality().axes().n_nodes() {
         let waypoint = lazy.quality().axes().waypoint(node);
