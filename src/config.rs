@@ -28,6 +28,6 @@ pub use file::{
     SurfaceSection, UncertaintySection, UpdateName, VarianceUpdateName, VolumeVarianceName,
 };
 pub use load::load;
+pub use markers::{MarkersSection, PointSection, TagSection};
 pub use mesh_file::MeshContent;
 pub use obstacles::{FenceSection, ObstacleSection, SpaceSection};
-pub use markers::{MarkersSection, PointSection, TagSection};

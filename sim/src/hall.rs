@@ -10,8 +10,8 @@ use crate::world::{Cuboid, Region, World};
 use std::path::PathBuf;
 use stockpilot::config::{
     CameraSection, Config, FilterSection, HallSection, LensName, LidarSection, LinkSection,
-    LogSection, MarkersSection, MissionSection, MountSection, ObstacleSection, PlanningSection, RectSection,
-    SurfaceSection, TagSection, UncertaintySection,
+    LogSection, MarkersSection, MissionSection, MountSection, ObstacleSection, PlanningSection,
+    RectSection, SurfaceSection, TagSection, UncertaintySection,
 };
 use stockpilot::geometry::{Body, Camera, Frame, Rotation, Transform};
 
@@ -267,6 +267,11 @@ mod tests {
         let options = <Options as clap::Parser>::try_parse_from(words).expect("options");
         let scenario = options.scenario.scenario(seed).expect("a scenario");
         let settings = config(&scenario, Devices::none()).pilot_settings().expect("valid");
+        std::fs::write(
+            format!("/tmp/space_{world}.toml"),
+            config(&scenario, Devices::none()).to_toml().unwrap(),
+        )
+        .unwrap(); // TEMP
         let localization = &settings.localization;
         let space = FreeSpace::evaluate(
             &settings.planning,

@@ -316,8 +316,9 @@ impl ScenarioArgs {
             "l-hall" => named(World::l_hall(seed, self.steepness)),
             "poor-fix" => named(World::poor_fix(seed, self.steepness)),
             path => {
-                let text = std::fs::read_to_string(path)
-                    .with_context(|| format!("world {path:?} is none of {GENERATED:?} and no file"))?;
+                let text = std::fs::read_to_string(path).with_context(|| {
+                    format!("world {path:?} is none of {GENERATED:?} and no file")
+                })?;
                 let name = Path::new(path).file_stem().map_or(path.into(), |s| s.to_string_lossy());
                 let scale = GridScale { xy: self.scale_xy, z: self.scale_z };
                 World::from_esri_ascii(&name, &text, scale)

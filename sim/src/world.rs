@@ -259,8 +259,7 @@ impl World {
         let displaced = |wall: &Cuboid| {
             self.terrain.integral_below_within_m3(outline_m, &wall.footprint(), wall.max_m.z)
         };
-        self.terrain.integral_within_m3(outline_m)
-            - self.standing().map(displaced).sum::<f64>()
+        self.terrain.integral_within_m3(outline_m) - self.standing().map(displaced).sum::<f64>()
     }
 
     /// The hall with a gate in its low-y wall and a skylight, both at drawn places; markers that

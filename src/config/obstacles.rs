@@ -1,8 +1,8 @@
 //! What the vehicle keeps away from: obstacles, walls, ceiling and fence. The file's twin and the way
 //! to the settings.
 
-use super::convert::{invalid, within};
 use super::bays::{place, polygon};
+use super::convert::{invalid, within};
 use super::error::ConfigError;
 use super::file::Config;
 use super::mesh_file::{self, MeshContent};
@@ -149,15 +149,14 @@ impl Config {
 
     pub(super) fn space_settings(&self) -> Result<SpaceSettings, ConfigError> {
         let (s, hall) = (&self.planning.space, &self.hall);
-        let metres = |name: &str, value, range| {
-            within(&format!("planning.space.{name}"), value, range, "m")
-        };
+        let metres =
+            |name: &str, value, range| within(&format!("planning.space.{name}"), value, range, "m");
         #[expect(clippy::cast_precision_loss, reason = "only its size is judged")]
         within("planning.space.n_headings", s.n_headings as f64, (1.0, 72.0), "")?;
         let walls = hall.walls_m.as_ref().map(|corners| polygon("hall.walls_m", corners));
-        let ceiling_m = hall.ceiling_m.map(|value| {
-            within("hall.ceiling_m", value, (hall.max_pile_height_m, 200.0), "m")
-        });
+        let ceiling_m = hall
+            .ceiling_m
+            .map(|value| within("hall.ceiling_m", value, (hall.max_pile_height_m, 200.0), "m"));
         Ok(SpaceSettings {
             grid_m: metres("grid_m", s.grid_m, (0.1, 20.0))?,
             height_step_m: metres("height_step_m", s.height_step_m, (0.1, 20.0))?,
@@ -189,7 +188,8 @@ impl Config {
             let range_m = (fence.min_height_m, fence.max_height_m);
             within("planning.height_m inside the fence", height_m, range_m, "m")?;
         }
-        let outline = space.walls.as_ref().or(space.fence.as_ref().and_then(|f| f.outline.as_ref()));
+        let outline =
+            space.walls.as_ref().or(space.fence.as_ref().and_then(|f| f.outline.as_ref()));
         let hall = &self.hall.region;
         let (width_m, depth_m) = outline.map_or(
             (hall.x_max_m - hall.x_min_m + 10.0, hall.y_max_m - hall.y_min_m + 10.0),
@@ -245,7 +245,8 @@ fn mesh(key: &str, section: &ObstacleSection) -> Result<Mesh, ConfigError> {
     let ObstacleSection::Mesh { scale, place_m, rotation_deg, content, .. } = section else {
         return Err(invalid(key, "is not a mesh"));
     };
-    let content = content.as_ref().ok_or_else(|| invalid(&of("file"), "the file is not read yet"))?;
+    let content =
+        content.as_ref().ok_or_else(|| invalid(&of("file"), "the file is not read yet"))?;
     let scale = within(&of("scale"), *scale, (1e-6, 1e6), "m")?;
     let origin_m = place_in_hall(&of("place_m"), *place_m)?;
     for angle_deg in rotation_deg {

@@ -120,12 +120,7 @@ pub fn distance_m(solids: &[Solid], p: &Vector3<f64>, reach_m: f64) -> f64 {
 
 /// The distance from a straight way to the nearest of several solids, m, at most `reach_m`.
 #[must_use]
-pub fn way_distance_m(
-    solids: &[Solid],
-    a: &Vector3<f64>,
-    b: &Vector3<f64>,
-    reach_m: f64,
-) -> f64 {
+pub fn way_distance_m(solids: &[Solid], a: &Vector3<f64>, b: &Vector3<f64>, reach_m: f64) -> f64 {
     let around = Aabb { min_m: a.inf(b), max_m: a.sup(b) };
     solids.iter().fold(reach_m, |nearest_m, solid| {
         if solid.bounds().gap_m(&around) >= nearest_m {

@@ -235,16 +235,17 @@ impl Route {
         self.fly(Track::Transit, now, Some(from))
     }
 
-    /// The corners of a way around what stands between, its end included: where fixes are good all
-    /// along if there is such a way, else where nothing is touched; `None` without any.
+    /// The corners of a way around what stands between, its end included; `None` without any.
+    ///
+    /// Only geometry is asked: a search for good fixes may have to evaluate thousands of them, and
+    /// the brain does not wait for that.
     fn way(&self, from: &Vector3<f64>, to: &Vector3<f64>) -> Option<Vec<Vector3<f64>>> {
         let at = |place: &Vector3<f64>| Waypoint {
             place: Point::from_coords(*place),
             yaw_rad: self.settings.yaw_rad,
         };
         let (from, to) = (at(from), at(to));
-        let of = |demand| way_within(&self.free_space, &from, &to, demand);
-        let found = of(Demand::Free).or_else(|| of(Demand::Clear))?;
+        let found = way_within(&self.free_space, &from, &to, Demand::Clear)?;
         Some(found.iter().map(|waypoint| waypoint.place.coords).collect())
     }
 
@@ -329,3 +330,6 @@ fn pieces(from: &Vector3<f64>, to: &Vector3<f64>) -> Vec<Vector3<f64>> {
         .map(|k| from.lerp(to, k / n_pieces))
         .collect()
 }
+
+#[cfg(test)]
+mod tests;

@@ -141,9 +141,8 @@ impl Clearance {
     fn surface_shortfall_m(&self, from: &Vector3<f64>, to: &Vector3<f64>) -> f64 {
         let s = &self.settings;
         let least_m = s.vehicle_radius_m + s.surface_clearance_m;
-        let flat_m = s.highest_surface_m.map_or(0.0, |top_m| {
-            missing_m(from.z.min(to.z), top_m + least_m)
-        });
+        let flat_m =
+            s.highest_surface_m.map_or(0.0, |top_m| missing_m(from.z.min(to.z), top_m + least_m));
         match &self.surface {
             Some(surface) if flat_m > 0.0 => surface.shortfall_m(from, to, least_m),
             // Nothing is higher than the highest level.

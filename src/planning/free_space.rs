@@ -150,7 +150,8 @@ impl FreeSpace {
         let axes = self.quality.axes();
         let turn_rad = wrapped_rad(to.yaw_rad - from.yaw_rad);
         let along = (to.place - from.place).coords;
-        let in_nodes = Vector3::new(along.x / axes.x.step, along.y / axes.y.step, along.z / axes.z.step);
+        let in_nodes =
+            Vector3::new(along.x / axes.x.step, along.y / axes.y.step, along.z / axes.z.step);
         let turned_nodes = turn_rad / Axis::turn(axes.n_headings).step;
         let n_looks = (LOOKS_PER_NODE * in_nodes.norm().max(turned_nodes.abs())).ceil().max(1.0);
         std::iter::successors(Some(0.0), |k| (*k < n_looks).then_some(k + 1.0)).all(|k| {

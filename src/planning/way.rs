@@ -146,7 +146,8 @@ impl<'a> Search<'a> {
     /// The fix along a leg; an end without one, such as a pad, may be left and reached.
     fn has_fix_along(&self, a: usize, b: usize) -> bool {
         let is_end_without = |node: usize| {
-            node < N_ENDS && !self.space.quality().is_better(&self.ends[node], self.space.min_quality())
+            node < N_ENDS
+                && !self.space.quality().is_better(&self.ends[node], self.space.min_quality())
         };
         is_end_without(a)
             || is_end_without(b)
@@ -205,7 +206,9 @@ impl<'a> Search<'a> {
         let is_near = (0..3).all(|axis| {
             let off = (goal[axis] - here[axis]).abs() / self.axes[axis].step;
             // Heights outside of the lattice, as over a pad, are reached from its edge.
-            off <= 2.0 || (axis == 2 && self.near(axis, goal.z, 1).contains(&self.axes[axis].nearest(here.z)))
+            off <= 2.0
+                || (axis == 2
+                    && self.near(axis, goal.z, 1).contains(&self.axes[axis].nearest(here.z)))
         });
         if node != END_TO && is_near {
             near.push(END_TO);
@@ -225,7 +228,8 @@ impl<'a> Search<'a> {
         let mut corners = vec![nodes[0]];
         let mut at = 0;
         while at + 1 < nodes.len() {
-            let furthest = (at + 2..nodes.len()).rev().find(|&to| self.is_leg_free(nodes[at], nodes[to]));
+            let furthest =
+                (at + 2..nodes.len()).rev().find(|&to| self.is_leg_free(nodes[at], nodes[to]));
             at = furthest.unwrap_or(at + 1);
             corners.push(nodes[at]);
         }

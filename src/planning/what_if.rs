@@ -60,9 +60,8 @@ pub struct Gain {
 #[must_use]
 pub fn candidates(walls: &Polygon, layout: &Layout, tags: &[[Point<Hall>; 4]]) -> Vec<Candidate> {
     let taken: Vec<Vector3<f64>> = tags.iter().map(|tag| middle(tag).coords).collect();
-    let is_taken = |place: &Vector3<f64>| {
-        taken.iter().any(|tag| (tag - place).norm() < layout.edge_m)
-    };
+    let is_taken =
+        |place: &Vector3<f64>| taken.iter().any(|tag| (tag - place).norm() < layout.edge_m);
     let mut found = Vec::new();
     for (a, b) in walls.edges() {
         let (from, to) = (Vector3::new(a.0, a.1, 0.0), Vector3::new(b.0, b.1, 0.0));
@@ -70,12 +69,16 @@ pub fn candidates(walls: &Polygon, layout: &Layout, tags: &[[Point<Hall>; 4]]) -
         let along = (to - from) / length_m;
         // Corners run counter-clockwise, so the hall lies on the left.
         let facing = Vector3::z().cross(&along);
-        for along_m in evenly(0.5 * layout.edge_m, length_m - 0.5 * layout.edge_m, layout.spacing_m) {
+        for along_m in evenly(0.5 * layout.edge_m, length_m - 0.5 * layout.edge_m, layout.spacing_m)
+        {
             for up_m in evenly(layout.rows_m.0, layout.rows_m.1, layout.spacing_m) {
                 let place = from + along * along_m + Vector3::z() * up_m;
                 if !is_taken(&place) {
                     // Seen from the front, right is against the sense of the corners.
-                    found.push(Candidate { corners: square(&place, &-along, layout.edge_m), facing });
+                    found.push(Candidate {
+                        corners: square(&place, &-along, layout.edge_m),
+                        facing,
+                    });
                 }
             }
         }

@@ -194,10 +194,8 @@ impl Plan {
     fn sheet(&self, height_m: f64, suggestions: Option<&Suggestions>) -> Sheet<HeatMap> {
         let yaw_rad = self.settings.yaw_rad;
         let axes = self.space.quality().axes();
-        let at = |x: f64, y: f64, yaw_rad: f64| Waypoint {
-            place: Point::new(x, y, height_m),
-            yaw_rad,
-        };
+        let at =
+            |x: f64, y: f64, yaw_rad: f64| Waypoint { place: Point::new(x, y, height_m), yaw_rad };
         let quality = self.lattice(|x, y| {
             let waypoint = at(x, y, yaw_rad);
             let is_clear = self.space.clearance().is_clear(&waypoint.place.coords);
@@ -211,7 +209,8 @@ impl Plan {
             let share = free.count() as f64 / axes.n_headings as f64;
             share
         });
-        let is_free = self.lattice(|x, y| f64::from(u8::from(self.space.is_free(&at(x, y, yaw_rad)))));
+        let is_free =
+            self.lattice(|x, y| f64::from(u8::from(self.space.is_free(&at(x, y, yaw_rad)))));
         let map = |title: String, grid: Lattice, quantity: &str, range: Option<[f64; 2]>| HeatMap {
             title,
             grid,
@@ -225,7 +224,9 @@ impl Plan {
             (
                 "quality".to_owned(),
                 map(
-                    format!("Quality of fix at {height_m:.1} m, heading {heading_deg:.0}° (needed: {tau:.1})"),
+                    format!(
+                        "Quality of fix at {height_m:.1} m, heading {heading_deg:.0}° (needed: {tau:.1})"
+                    ),
                     quality,
                     "q_pos (1/√(m² + rad²)); grey: something solid too near",
                     None,

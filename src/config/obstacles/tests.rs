@@ -20,7 +20,8 @@ fn refusal(more: &str, files: &[(&str, &[u8])]) -> String {
 }
 
 /// A tetrahedron with corners 0, 1000 x, 1000 y, 1000 z.
-const OBJ: &str = "v 0 0 0\nv 1000 0 0\nv 0 1000 0\nv 0 0 1000\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
+const OBJ: &str =
+    "v 0 0 0\nv 1000 0 0\nv 0 1000 0\nv 0 0 1000\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
 const STL: &str = "solid t
 facet normal 0 0 -1\nouter loop\nvertex 0 0 0\nvertex 0 1000 0\nvertex 1000 0 0\nendloop\nendfacet
 facet normal 0 -1 0\nouter loop\nvertex 0 0 0\nvertex 1000 0 0\nvertex 0 0 1000\nendloop\nendfacet
@@ -93,7 +94,9 @@ fn boxes_prisms_walls_and_fence_are_checked_with_their_keys() {
     assert_eq!(space.obstacles.len(), 2);
     // Only the box stands on the floor and covers ground that is measured.
     assert_eq!(settings.mapping.region.exclusions.len(), 1);
-    assert!(!settings.mapping.region.accepts(6.1, 10.2) && settings.mapping.region.accepts(6.0, 9.0));
+    assert!(
+        !settings.mapping.region.accepts(6.1, 10.2) && settings.mapping.region.accepts(6.0, 9.0)
+    );
     assert!(space.fence.as_ref().is_some_and(|fence| fence.max_height_m == 9.0));
     for (more, reason) in [
         ("[[obstacles]]\nkind = \"ball\"\n", "ball"),

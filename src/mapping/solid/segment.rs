@@ -43,9 +43,8 @@ pub(super) fn segments_m2(
 /// Squared distance of a point from a triangle, m².
 pub(super) fn point_triangle_m2(p: &Vector3<f64>, [a, b, c]: &Triangle) -> f64 {
     let normal = (b - a).cross(&(c - a));
-    let is_left = |from: &Vector3<f64>, to: &Vector3<f64>| {
-        normal.dot(&(to - from).cross(&(p - from))) >= 0.0
-    };
+    let is_left =
+        |from: &Vector3<f64>, to: &Vector3<f64>| normal.dot(&(to - from).cross(&(p - from))) >= 0.0;
     let area2_m4 = normal.norm_squared();
     if area2_m4 > 0.0 && is_left(a, b) && is_left(b, c) && is_left(c, a) {
         let off = normal.dot(&(p - a));
@@ -75,11 +74,7 @@ pub(super) fn crossing(
 }
 
 /// Squared distance of the segment a–b from a triangle, m²; 0 where they meet.
-pub(super) fn segment_triangle_m2(
-    a: &Vector3<f64>,
-    b: &Vector3<f64>,
-    triangle: &Triangle,
-) -> f64 {
+pub(super) fn segment_triangle_m2(a: &Vector3<f64>, b: &Vector3<f64>, triangle: &Triangle) -> f64 {
     if crossing(a, &(b - a), triangle).is_some_and(|share| share <= 1.0) {
         return 0.0;
     }

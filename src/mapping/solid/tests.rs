@@ -76,8 +76,14 @@ fn a_box_of_triangles_is_the_box() {
 fn ball(n_splits: u32) -> Mesh {
     let (x, y, z) = (Vector3::x(), Vector3::y(), Vector3::z());
     let mut triangles = vec![
-        [x, y, z], [y, -x, z], [-x, -y, z], [-y, x, z],
-        [y, x, -z], [-x, y, -z], [-y, -x, -z], [x, -y, -z],
+        [x, y, z],
+        [y, -x, z],
+        [-x, -y, z],
+        [-y, x, z],
+        [y, x, -z],
+        [-x, y, -z],
+        [-y, -x, -z],
+        [x, -y, -z],
     ];
     for _ in 0..n_splits {
         triangles = triangles
@@ -145,11 +151,7 @@ fn ways_past_solids_are_as_far_as_the_nearest_of_their_points() {
 #[test]
 fn a_sheet_is_not_stepped_over_and_an_open_mesh_has_no_inside() {
     // A tenth of a millimetre thick, met at right angles in the middle of a long way.
-    let sheet = Prism::turned_box(
-        &Vector3::new(5.0, 0.0, 1.0),
-        &Vector3::new(1e-4, 2.0, 2.0),
-        0.0,
-    );
+    let sheet = Prism::turned_box(&Vector3::new(5.0, 0.0, 1.0), &Vector3::new(1e-4, 2.0, 2.0), 0.0);
     let sheet = Solid::from(sheet.expect("a box"));
     let (a, b) = (Vector3::new(0.0, 0.3, 1.2), Vector3::new(10.0, 0.1, 1.1));
     assert_eq!(sheet.way_distance_m(&a, &b, 1.0), 0.0);

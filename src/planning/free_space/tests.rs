@@ -96,7 +96,7 @@ fn nodes_are_direct_evaluations_and_places_between_are_near_them() {
     let settings = settings();
     let space = space_of(&settings, &map);
     let axes = *space.quality().axes();
-    assert_eq!((axes.x.n, axes.y.n, axes.z.n, axes.n_headings), (17, 13, 5, 8));
+    assert_eq!((axes.x.n, axes.y.n, axes.z.n, axes.n_headings), (16, 13, 4, 8));
     let mut noise = SeedBook::new(2).stream("nodes");
     for _ in 0..60 {
         let node = noise.bits() as usize % axes.n_nodes();
@@ -194,7 +194,8 @@ fn candidate_sites_stay_the_lattice_and_obstacles_only_shut_them() {
         assert!(shut.quality() <= site.quality() * (1.0 + 1e-9));
     }
     // Right behind the column some tags are hidden.
-    let behind = |space: &FreeSpace| space.fix_cov(&at(5.5, 5.0, 5.0, 0.2)).as_ref().map_or(0.0, q_pos);
+    let behind =
+        |space: &FreeSpace| space.fix_cov(&at(5.5, 5.0, 5.0, 0.2)).as_ref().map_or(0.0, q_pos);
     assert!(behind(&blocked) < behind(&open), "{} {}", behind(&blocked), behind(&open));
     assert!(!blocked.is_way_free(&at(4.5, 5.0, 5.0, 0.2), &at(8.5, 5.0, 5.0, 0.2)));
 }
