@@ -267,11 +267,6 @@ mod tests {
         let options = <Options as clap::Parser>::try_parse_from(words).expect("options");
         let scenario = options.scenario.scenario(seed).expect("a scenario");
         let settings = config(&scenario, Devices::none()).pilot_settings().expect("valid");
-        std::fs::write(
-            format!("/tmp/space_{world}.toml"),
-            config(&scenario, Devices::none()).to_toml().unwrap(),
-        )
-        .unwrap(); // TEMP
         let localization = &settings.localization;
         let space = FreeSpace::evaluate(
             &settings.planning,

@@ -84,6 +84,7 @@ impl FreeSpace {
         let sensing = Sensing {
             obstacles: space.obstacles.clone(),
             walls: space.walls.clone(),
+            vehicle_radius_m: space.vehicle_radius_m,
             ..Sensing::open(cameras, map, corner_sigma_px)
         };
         let clearance = Clearance::new(Arc::new(space.clone()));
