@@ -9,7 +9,7 @@
 //!
 //! The candidate sites of the paper's planner are a lattice of their own at the height and heading
 //! of the survey, evaluated directly.
-//! Source of q_pos and C_free: Balula et al. 2023, section 3.
+//! Source of `q_pos` and `C_free`: Balula et al. 2023, section 3.
 
 use super::clearance::Clearance;
 use super::grid_axis::Axis;

@@ -62,7 +62,7 @@ impl Sensing {
         self.cov_of(&self.normal_matrices(&self.tags, hall_from_body))
     }
 
-    /// JᵀJ of the corners of these tags that each camera can read from a pose.
+    /// `JᵀJ` of the corners of these tags that each camera can read from a pose.
     #[must_use]
     pub fn normal_matrices(
         &self,
@@ -157,7 +157,7 @@ impl Axes {
     /// True for the nodes at the height and heading of the survey.
     #[must_use]
     pub const fn is_of_survey(&self, node: usize) -> bool {
-        node % self.n_headings == 0
+        node.is_multiple_of(self.n_headings)
             && node / self.n_headings / self.x.n / self.y.n == self.survey_height
     }
 

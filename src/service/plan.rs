@@ -83,6 +83,8 @@ const N_BEST: usize = 5;
 /// Markers do not hang lower than this, and so far below the ceiling, m.
 const LOWEST_M: f64 = 1.0;
 const BELOW_CEILING_M: f64 = 0.4;
+/// Colours end at this many times the quality that is needed.
+const QUALITY_SHOWN: f64 = 5.0;
 /// Cells of a picture for each node of the grid.
 const CELLS_PER_NODE: f64 = 4.0;
 
@@ -229,7 +231,7 @@ impl Plan {
                     ),
                     quality,
                     "q_pos (1/√(m² + rad²)); grey: something solid too near",
-                    None,
+                    Some([0.0, QUALITY_SHOWN * tau.max(1.0)]),
                 ),
             ),
             (

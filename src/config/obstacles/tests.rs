@@ -97,7 +97,7 @@ fn boxes_prisms_walls_and_fence_are_checked_with_their_keys() {
     assert!(
         !settings.mapping.region.accepts(6.1, 10.2) && settings.mapping.region.accepts(6.0, 9.0)
     );
-    assert!(space.fence.as_ref().is_some_and(|fence| fence.max_height_m == 9.0));
+    assert!(space.fence.as_ref().is_some_and(|fence| (fence.max_height_m - 9.0).abs() < 1e-12));
     for (more, reason) in [
         ("[[obstacles]]\nkind = \"ball\"\n", "ball"),
         (

@@ -58,7 +58,7 @@ fn the_way_home_leads_around_a_column_and_ends_there() {
     let last = places.last().expect("flown");
     assert!((last - home).norm() < 1e-6, "{last:?}");
     // Half a metre is planned; corners may be cut, never into the radius of the vehicle.
-    let nearest = places.iter().map(|p| solid::distance_m(&[column.clone()], p, 9.0));
+    let nearest = places.iter().map(|p| solid::distance_m(std::slice::from_ref(&column), p, 9.0));
     let nearest_m = nearest.fold(f64::INFINITY, f64::min);
     assert!((0.3..1.5).contains(&nearest_m), "{nearest_m}");
 }
@@ -97,7 +97,7 @@ fn legs_of_a_survey_go_around_what_stands_on_them() {
     };
     // All but the one inside of the column.
     assert!(route.is_done() && near(&wanted[1]) < 0.2 && near(&wanted[3]) < 0.2);
-    let nearest = places.iter().map(|p| solid::distance_m(&[column.clone()], p, 9.0));
+    let nearest = places.iter().map(|p| solid::distance_m(std::slice::from_ref(&column), p, 9.0));
     let nearest_m = nearest.fold(f64::INFINITY, f64::min);
     assert!((0.3..0.8).contains(&nearest_m), "{nearest_m}");
 }

@@ -99,7 +99,8 @@ fn nodes_are_direct_evaluations_and_places_between_are_near_them() {
     assert_eq!((axes.x.n, axes.y.n, axes.z.n, axes.n_headings), (16, 13, 4, 8));
     let mut noise = SeedBook::new(2).stream("nodes");
     for _ in 0..60 {
-        let node = noise.bits() as usize % axes.n_nodes();
+        let n_nodes = u64::try_from(axes.n_nodes()).expect("few");
+        let node = usize::try_from(noise.bits() % n_nodes).expect("few");
         let waypoint = axes.waypoint(node);
         if !space.clearance().is_clear(&waypoint.place.coords) {
             continue;
