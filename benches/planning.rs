@@ -11,13 +11,17 @@ use stockpilot::geometry::{Body, Camera, Point, Rotation, Transform};
 use stockpilot::localization::camera_model::{CameraModel, Lens};
 use stockpilot::localization::marker_map::MarkerMap;
 use stockpilot::mapping::kalman_grid::{self, KalmanGrid};
+use stockpilot::mapping::polygon::Polygon;
 use stockpilot::mapping::projection::LidarMount;
 use stockpilot::mapping::region::{Rect, Region};
+use stockpilot::mapping::solid::{Mesh, Prism, Solid};
 use stockpilot::mapping::{self, Mapper, Method, field_map, grid_map};
 use stockpilot::messages::{Beam, GridGeometry, PoseError, Scan, TagFamily};
 use stockpilot::planning::free_space::FreeSpace;
 use stockpilot::planning::planner::{Belief, PlanRequest};
+use stockpilot::planning::space::SpaceSettings;
 use stockpilot::planning::trajectory::{Knot, Limits, Trajectory};
+use stockpilot::planning::way::{Demand, way_within};
 use stockpilot::planning::{PlannerKind, Settings, Waypoint};
 use stockpilot::time::Stamp;
 
@@ -210,5 +214,79 @@ fn trajectory(c: &mut Criterion) {
     });
 }
 
-criterion_group!(benches, greedy_choice, horizon, trajectory);
+/// A hall of 24 m × 24 m × 10 m with nine columns and a ball of 320 triangles.
+fn free_space() -> FreeSpace {
+    let square = |from: f64, to: f64| {
+        Polygon::from(Rect { x_min_m: from, y_min_m: from, x_max_m: to, y_max_m: to })
+    };
+    let mut obstacles: Vec<Solid> = Vec::new();
+    for i in 0..3_u32 {
+        for j in 0..3_u32 {
+            let centre = Vector3::new(3.5 + 6.5 * f64::from(i), 3.5 + 6.5 * f64::from(j), 5.0);
+            let size = Vector3::new(0.4, 0.4, 10.0);
+            obstacles.push(Prism::turned_box(&centre, &size, 0.3).expect("a box").into());
+        }
+    }
+    let around = |k: u32, n: u32| (f64::from(k) / f64::from(n) * std::f64::consts::TAU).sin_cos();
+    let at = |i: u32, j: u32| {
+        let ((sin_u, cos_u), (sin_v, cos_v)) = (around(i, 16), around(j, 20));
+        Vector3::new(10.0, 17.0, 8.5) + 0.5 * Vector3::new(cos_u * cos_v, cos_u * sin_v, sin_u)
+    };
+    let cells = (0..8).flat_map(|i| (0..20).map(move |j| (i + 12, j)));
+    let halves = cells.flat_map(|(i, j)| {
+        let (a, b, c, d) = (at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1));
+        [[a, b, c], [a, c, d]]
+    });
+    obstacles.push(Mesh::new(halves.collect()).expect("triangles").into());
+    let space = SpaceSettings {
+        walls: Some(square(-2.0, 22.0)),
+        ceiling_m: Some(10.0),
+        highest_surface_m: Some(5.0),
+        obstacles,
+        ..SpaceSettings::default()
+    };
+    let settings = Settings { space, ..settings(PlannerKind::Horizon, 5.0) };
+    FreeSpace::evaluate(&settings, &[camera()], &marker_map(), 0.5)
+}
+
+fn free(c: &mut Criterion) {
+    let space = free_space();
+    let axes = *space.quality().axes();
+    let mut group = c.benchmark_group("free_space");
+    group.sample_size(10);
+    println!("{} nodes", axes.n_nodes());
+    group.bench_function("node", |b| {
+        let pose = axes.waypoint(axes.index([12, 12, 1, 0])).level_pose();
+        b.iter(|| space.quality().sensing().fix_cov(black_box(&pose)));
+    });
+    group.bench_function("grid_25x25x4x8", |b| {
+        b.iter(|| free_space().quality().fill(0, 1));
+    });
+    space.quality().fill(0, 1);
+    let at = |x: f64, y: f64, yaw_rad: f64| Waypoint { place: Point::new(x, y, 7.3), yaw_rad };
+    let (from, to) = (at(2.6, 5.2, 0.1), at(4.4, 4.4, 0.1));
+    assert!(space.is_free(&from) && space.is_way_free(&from, &to), "beside a column");
+    group.bench_function("is_free", |b| b.iter(|| space.is_free(black_box(&from))));
+    group.bench_function("is_way_free_2m", |b| {
+        b.iter(|| space.is_way_free(black_box(&from), black_box(&to)));
+    });
+    let past_ball = (at(9.0, 15.6, 0.0), at(11.0, 15.6, 0.0));
+    group.bench_function("is_way_free_2m_past_mesh", |b| {
+        b.iter(|| space.is_way_free(black_box(&past_ball.0), black_box(&past_ball.1)));
+    });
+    group.bench_function("fix_cov", |b| b.iter(|| space.fix_cov(black_box(&from))));
+    let (start, end) = (at(0.0, 3.5, 0.0), at(19.0, 16.5, 0.0));
+    assert!(way_within(&space, &start, &end, Demand::Clear).is_some_and(|way| way.len() > 1));
+    group.bench_function("way_through_columns", |b| {
+        b.iter(|| way_within(&space, black_box(&start), black_box(&end), Demand::Clear));
+    });
+    let shut_in = Waypoint { place: Point::new(3.5, 3.5, 7.0), yaw_rad: 0.0 };
+    assert!(way_within(&space, &start, &shut_in, Demand::Clear).is_none());
+    group.bench_function("no_way", |b| {
+        b.iter(|| way_within(&space, black_box(&start), black_box(&shut_in), Demand::Clear));
+    });
+    group.finish();
+}
+
+criterion_group!(benches, greedy_choice, horizon, trajectory, free);
 criterion_main!(benches);

@@ -16,6 +16,7 @@
 mod brain;
 pub mod clock;
 pub mod onboard;
+pub mod plan;
 mod recorder;
 mod status;
 

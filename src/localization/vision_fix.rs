@@ -213,7 +213,7 @@ pub fn predicted_cov(
     cov_of_normal_matrix(&JtJ, corner_sigma_px)
 }
 
-/// JᵀJ over the places that a camera pictures from a pose, 6×6: what corners add up to.
+/// `JᵀJ` over the places that a camera pictures from a pose, 6×6: what corners add up to.
 #[must_use]
 pub fn corner_normal_matrix(
     camera: &CameraModel,

@@ -9,7 +9,7 @@
 //!
 //! The candidate sites of the paper's planner are a lattice of their own at the height and heading
 //! of the survey, evaluated directly.
-//! Source of q_pos and C_free: Balula et al. 2023, section 3.
+//! Source of `q_pos` and `C_free`: Balula et al. 2023, section 3.
 
 use super::clearance::Clearance;
 use super::grid_axis::Axis;
@@ -84,6 +84,7 @@ impl FreeSpace {
         let sensing = Sensing {
             obstacles: space.obstacles.clone(),
             walls: space.walls.clone(),
+            vehicle_radius_m: space.vehicle_radius_m,
             ..Sensing::open(cameras, map, corner_sigma_px)
         };
         let clearance = Clearance::new(Arc::new(space.clone()));

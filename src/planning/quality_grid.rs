@@ -7,6 +7,7 @@
 //! Σ^χ(χ) = Σ_k w_k Σ_k           multilinear weights w_k; nothing if one of them has no fix
 //! q(χ)   = min_k q_pos(Σ_k)      over the nodes with w_k > 0: the worst one counts
 //! ```
+//! Nodes in walls and obstacles, where no vehicle can be, are left out of both.
 //! Beyond the outermost nodes their values hold for one more step; after that there is no fix.
 
 use super::Waypoint;
@@ -34,6 +35,8 @@ pub struct Sensing {
     pub obstacles: Vec<Solid>,
     /// Inner faces of the walls, which end every sight.
     pub walls: Option<Polygon>,
+    /// Nothing is nearer to the body's origin than this, m.
+    pub vehicle_radius_m: f64,
 }
 
 /// A tag lies on its wall: sight ends this much before it, m.
@@ -49,6 +52,7 @@ impl Sensing {
             corner_sigma_px,
             obstacles: Vec::new(),
             walls: None,
+            vehicle_radius_m: 0.0,
         }
     }
 
@@ -58,7 +62,7 @@ impl Sensing {
         self.cov_of(&self.normal_matrices(&self.tags, hall_from_body))
     }
 
-    /// JᵀJ of the corners of these tags that each camera can read from a pose.
+    /// `JᵀJ` of the corners of these tags that each camera can read from a pose.
     #[must_use]
     pub fn normal_matrices(
         &self,
@@ -89,6 +93,16 @@ impl Sensing {
         };
         let information = normal_matrices.iter().filter_map(of_camera).reduce(|all, i| all + i)?;
         information.cholesky().map(|factor| factor.inverse())
+    }
+
+    /// True where no vehicle can be: in or too near to a wall or an obstacle.
+    fn is_void(&self, place: &Vector3<f64>) -> bool {
+        let least_m = self.vehicle_radius_m;
+        let is_out = |walls: &Polygon| {
+            !walls.contains(place.x, place.y) || walls.border_distance_m(place.x, place.y) < least_m
+        };
+        self.walls.as_ref().is_some_and(is_out)
+            || solid::distance_m(&self.obstacles, place, least_m + 1e-9) < least_m
     }
 
     /// True if nothing solid stands between an eye and the middle of a tag.
@@ -143,7 +157,7 @@ impl Axes {
     /// True for the nodes at the height and heading of the survey.
     #[must_use]
     pub const fn is_of_survey(&self, node: usize) -> bool {
-        node % self.n_headings == 0
+        node.is_multiple_of(self.n_headings)
             && node / self.n_headings / self.x.n / self.y.n == self.survey_height
     }
 
@@ -171,6 +185,8 @@ impl Axes {
 struct Node {
     cov: Option<Matrix6<f64>>,
     quality: f64,
+    /// No vehicle can be there.
+    is_void: bool,
 }
 
 /// The grid.
@@ -215,8 +231,12 @@ impl QualityGrid {
 
     fn node(&self, index: usize) -> &Node {
         self.nodes[index].get_or_init(|| {
-            let cov = self.sensing.fix_cov(&self.axes.waypoint(index).level_pose());
-            Box::new(Node { cov, quality: cov.as_ref().map_or(0.0, q_pos) })
+            let waypoint = self.axes.waypoint(index);
+            if self.sensing.is_void(&waypoint.place.coords) {
+                return Box::new(Node { cov: None, quality: 0.0, is_void: true });
+            }
+            let cov = self.sensing.fix_cov(&waypoint.level_pose());
+            Box::new(Node { cov, quality: cov.as_ref().map_or(0.0, q_pos), is_void: false })
         })
     }
 
@@ -226,50 +246,50 @@ impl QualityGrid {
         self.node(node).quality
     }
 
-    /// Evaluates every node, on `n_threads` threads; the values do not depend on their number.
-    pub fn fill(&self, n_threads: usize) {
-        let n_threads = n_threads.max(1);
-        std::thread::scope(|scope| {
-            for thread in 0..n_threads {
-                scope.spawn(move || {
-                    for index in (thread..self.nodes.len()).step_by(n_threads) {
-                        self.node(index);
-                    }
-                });
-            }
-        });
+    /// Evaluates every `n_parts`-th node from the `part`-th on, so that several callers share the
+    /// work; a node's value does not depend on who evaluates it.
+    pub fn fill(&self, part: usize, n_parts: usize) {
+        for index in (part..self.nodes.len()).step_by(n_parts.max(1)) {
+            self.node(index);
+        }
+    }
+
+    /// The nodes around a waypoint where a vehicle can be, with their weights.
+    fn nodes_around(&self, waypoint: &Waypoint) -> impl Iterator<Item = (&Node, f64)> {
+        let around = self.axes.around(waypoint);
+        let at = around.into_iter().flat_map(corners);
+        at.map(|(at, weight)| (self.node(self.axes.index(at)), weight))
+            .filter(|(node, _)| !node.is_void)
     }
 
     /// `q_pos` of the worst node around; 0 outside of the grid.
     #[must_use]
     pub fn quality(&self, waypoint: &Waypoint) -> f64 {
-        let Some(around) = self.axes.around(waypoint) else { return 0.0 };
-        let nodes = corners(&around).map(|(at, _)| self.node(self.axes.index(at)).quality);
-        nodes.fold(f64::INFINITY, f64::min)
+        let qualities = self.nodes_around(waypoint).map(|(node, _)| node.quality);
+        qualities.reduce(f64::min).unwrap_or(0.0)
     }
 
     /// True if the worst node around is better than `least`; stops at the first that is not.
     #[must_use]
     pub fn is_better(&self, waypoint: &Waypoint, least: f64) -> bool {
-        self.axes.around(waypoint).is_some_and(|around| {
-            corners(&around).all(|(at, _)| self.node(self.axes.index(at)).quality > least)
-        })
+        let mut nodes = self.nodes_around(waypoint).peekable();
+        nodes.peek().is_some() && nodes.all(|(node, _)| node.quality > least)
     }
 
     /// The interpolated covariance of a fix; `None` if a node around has none.
     #[must_use]
     pub fn fix_cov(&self, waypoint: &Waypoint) -> Option<Matrix6<f64>> {
-        let around = self.axes.around(waypoint)?;
-        let mut sum = Matrix6::zeros();
-        for (at, weight) in corners(&around) {
-            sum += self.node(self.axes.index(at)).cov? * weight;
+        let (mut sum, mut weights) = (Matrix6::zeros(), 0.0);
+        for (node, weight) in self.nodes_around(waypoint) {
+            sum += node.cov? * weight;
+            weights += weight;
         }
-        Some(sum)
+        (weights > 0.0).then(|| sum / weights)
     }
 }
 
 /// The up to 16 nodes with a weight above zero.
-fn corners(around: &[Share; 4]) -> impl Iterator<Item = ([usize; 4], f64)> {
+fn corners(around: [Share; 4]) -> impl Iterator<Item = ([usize; 4], f64)> {
     (0..16_usize).filter_map(move |corner| {
         let mut at = [0; 4];
         let mut weight = 1.0;

@@ -105,38 +105,18 @@ fn middle(corners: &[Point<Hall>; 4]) -> Point<Hall> {
 }
 
 /// A node that is clear but not good enough, with what its fix is made of.
+#[derive(Debug, Clone, PartialEq)]
 struct Poor {
     node: usize,
     normal_matrices: Vec<Matrix6<f64>>,
     quality: f64,
 }
 
-/// What every candidate would open, the best first.
-///
-/// Cost: about 2 µs for each pair of a candidate and a poor node, shared by `n_threads` threads; the
-/// answer does not depend on their number.
-#[must_use]
-pub fn ranked(space: &FreeSpace, candidates: &[Candidate], n_threads: usize) -> Vec<Gain> {
-    space.quality().fill(n_threads);
-    let poor = poor_nodes(space);
-    let size = candidates.len().div_ceil(n_threads.max(1)).max(1);
-    let mut gains: Vec<Gain> = std::thread::scope(|scope| {
-        let work = |part| {
-            scope.spawn({
-                let poor = &poor;
-                move || of_all(space, poor, part)
-            })
-        };
-        let threads: Vec<_> = candidates.chunks(size).map(work).collect();
-        // A thread that failed has no gains to give.
-        threads.into_iter().flat_map(|thread| thread.join().unwrap_or_default()).collect()
-    });
-    gains.sort_by(|a, b| {
-        let by_area = b.area_m2.total_cmp(&a.area_m2);
-        let by_quality = b.quality_gain.total_cmp(&a.quality_gain);
-        by_area.then(b.n_nodes.cmp(&a.n_nodes)).then(by_quality)
-    });
-    gains
+/// What candidates are judged against: the nodes that are clear but not good enough.
+#[derive(Debug, Clone, PartialEq)]
+pub struct WhatIf<'a> {
+    space: &'a FreeSpace,
+    poor: Vec<Poor>,
 }
 
 /// The best of ranked gains that are at least `apart_m` from each better one.
@@ -154,23 +134,46 @@ pub fn distinct(ranked: &[Gain], apart_m: f64, n: usize) -> Vec<Gain> {
     best
 }
 
-fn of_all(space: &FreeSpace, poor: &[Poor], candidates: &[Candidate]) -> Vec<Gain> {
-    candidates.iter().map(|candidate| gain(space, poor, candidate)).collect()
+/// The best first: by area at the height and heading of the survey, then by nodes, then by quality.
+pub fn rank(gains: &mut [Gain]) {
+    gains.sort_by(|a, b| {
+        let by_area = b.area_m2.total_cmp(&a.area_m2);
+        let by_quality = b.quality_gain.total_cmp(&a.quality_gain);
+        by_area.then(b.n_nodes.cmp(&a.n_nodes)).then(by_quality)
+    });
 }
 
-fn poor_nodes(space: &FreeSpace) -> Vec<Poor> {
-    let grid = space.quality();
-    let (axes, sensing) = (grid.axes(), grid.sensing());
-    (0..axes.n_nodes())
-        .filter(|node| grid.quality_at(*node) <= space.min_quality())
-        .map(|node| (node, axes.waypoint(node)))
-        .filter(|(_, waypoint)| space.clearance().is_clear(&waypoint.place.coords))
-        .map(|(node, waypoint)| Poor {
-            node,
-            normal_matrices: sensing.normal_matrices(&sensing.tags, &waypoint.level_pose()),
-            quality: grid.quality_at(node),
-        })
-        .collect()
+impl<'a> WhatIf<'a> {
+    /// Looks for the poor nodes; evaluates the whole grid, where [`QualityGrid::fill`] has not.
+    ///
+    /// [`QualityGrid::fill`]: super::quality_grid::QualityGrid::fill
+    #[must_use]
+    pub fn new(space: &'a FreeSpace) -> Self {
+        let (axes, sensing) = (space.quality().axes(), space.quality().sensing());
+        let poor = (0..axes.n_nodes())
+            .filter(|node| space.quality().quality_at(*node) <= space.min_quality())
+            .map(|node| (node, axes.waypoint(node)))
+            .filter(|(_, waypoint)| space.clearance().is_clear(&waypoint.place.coords))
+            .map(|(node, waypoint)| Poor {
+                node,
+                normal_matrices: sensing.normal_matrices(&sensing.tags, &waypoint.level_pose()),
+                quality: space.quality().quality_at(node),
+            })
+            .collect();
+        Self { space, poor }
+    }
+
+    /// How many nodes are clear but not good enough.
+    #[must_use]
+    pub const fn n_poor(&self) -> usize {
+        self.poor.len()
+    }
+
+    /// What one candidate would open.
+    #[must_use]
+    pub fn gain(&self, candidate: &Candidate) -> Gain {
+        gain(self.space, &self.poor, candidate)
+    }
 }
 
 fn gain(space: &FreeSpace, poor: &[Poor], candidate: &Candidate) -> Gain {

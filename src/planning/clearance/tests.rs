@@ -62,18 +62,19 @@ fn a_way_is_clear_where_all_of_its_places_are() {
     };
     for hall in [clearance(settings()), clearance(corner_hall)] {
         let mut n_clear = 0;
-        for _ in 0..3000 {
+        for _ in 0..600 {
             let mut place = || {
                 let mut along = |low: f64, high: f64| noise.between(low, high);
                 at(along(0.0, 10.0), along(0.0, 10.0), along(3.0, 9.0))
             };
             let (a, b) = (place(), place());
             let is_clear = hall.is_way_clear(&a, &b);
-            let walk = |k: u32| {
-                hall.shortfall(&a.lerp(&b, f64::from(k) / 500.0), &a.lerp(&b, f64::from(k) / 500.0))
+            let short_m = |k: u32| {
+                let p = a.lerp(&b, f64::from(k) / 500.0);
+                let short = hall.shortfall(&p, &p);
+                short.around_m.max(short.below_m)
             };
-            let worst_m =
-                (0..=500).map(|k| walk(k).around_m.max(walk(k).below_m)).fold(0.0, f64::max);
+            let worst_m = (0..=500).map(short_m).fold(0.0, f64::max);
             // Between two looks, 3 cm apart, at most half of that may be missed.
             let all_m = hall.shortfall(&a, &b);
             let missing_m = all_m.around_m.max(all_m.below_m);
@@ -85,7 +86,7 @@ fn a_way_is_clear_where_all_of_its_places_are() {
             assert!(is_same, "{a:?} {b:?} {missing_m} {worst_m}");
             n_clear += u32::from(is_clear);
         }
-        assert!(n_clear > 100, "{n_clear} clear ways");
+        assert!(n_clear > 20, "{n_clear} clear ways");
     }
 }
 

@@ -73,7 +73,8 @@ fn the_way_through_a_maze_is_the_shortest_and_free() {
         nodes.windows(2).map(|leg| (search.place(leg[1]) - search.place(leg[0])).norm()).sum();
     assert!((by_lattice - relaxed_m(&search)).abs() < 1e-9, "{by_lattice}");
     // By hand: around the end of the first wall at (5.5, 10) and of the second at (10.5, 2), with
-    // half a metre kept off: no shorter than the strings through the gaps, and little longer.
+    // half a metre kept off: no shorter than the strings through the gaps, and little longer,
+    // because corners stand on a lattice of 1 m.
     let way = way_within(&space, &from, &to, Demand::Clear).expect("a way");
     let string = |a: (f64, f64), b: (f64, f64)| (b.0 - a.0).hypot(b.1 - a.1);
     let least_m = string((1.5, 1.0), (5.5, 10.5))
@@ -81,7 +82,7 @@ fn the_way_through_a_maze_is_the_shortest_and_free() {
         + string((10.5, 1.5), (14.5, 11.0));
     let ours_m = length_m(&from, &way);
     assert!(
-        ours_m <= by_lattice + 1e-9 && (least_m..least_m + 2.0).contains(&ours_m),
+        ours_m <= by_lattice + 1e-9 && (least_m..1.1 * least_m).contains(&ours_m),
         "{ours_m} {least_m}"
     );
     let mut before = from;
