@@ -245,7 +245,7 @@ fn free_space() -> FreeSpace {
         obstacles,
         ..SpaceSettings::default()
     };
-    let settings = Settings { space, ..settings(PlannerKind::Horizon, 5.0) };
+    let settings = Settings { space, ..settings(PlannerKind::Greedy, 20.0) };
     FreeSpace::evaluate(&settings, &[camera()], &marker_map(), 0.5)
 }
 

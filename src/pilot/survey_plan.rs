@@ -271,12 +271,6 @@ impl SurveyPlan {
         }
         self.ahead.extend(later);
     }
-
-    /// What the newest plan expects.
-    #[cfg(test)]
-    pub(super) const fn prediction(&self) -> Option<Prediction> {
-        self.prediction
-    }
 }
 
 /// Variance of the volume that no flight changes: calibration, markers, base.
