@@ -143,3 +143,6 @@ impl Choice<'_> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

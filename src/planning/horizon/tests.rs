@@ -141,7 +141,9 @@ fn legs_taken_from_another_path_score_as_fresh_ones() {
     let fresh = scene.path(changed, None).expect("free");
     assert_eq!(cached.sigma_m3.to_bits(), fresh.sigma_m3.to_bits());
     assert!(cached.sigma_m3 < 0.5 * scene.sigma_now_m3());
-    assert!(Arc::ptr_eq(&cached.legs[0], &old.legs[0]) && !Arc::ptr_eq(&fresh.legs[0], &old.legs[0]));
+    assert!(
+        Arc::ptr_eq(&cached.legs[0], &old.legs[0]) && !Arc::ptr_eq(&fresh.legs[0], &old.legs[0])
+    );
 }
 
 #[test]
@@ -153,13 +155,9 @@ fn plans_stay_in_the_free_space_among_random_columns_and_poor_fixes() {
             .map(|_| {
                 let (x, y) = (noise.between(4.0, 13.0), noise.between(3.5, 10.0));
                 let side_m = noise.between(0.3, 1.2);
-                let outline = Rect {
-                    x_min_m: x,
-                    y_min_m: y,
-                    x_max_m: x + side_m,
-                    y_max_m: y + side_m,
-                };
-                Solid::Prism(Prism { outline: Polygon::from(outline), z_m: (0.0, 7.0) })
+                let outline =
+                    Rect { x_min_m: x, y_min_m: y, x_max_m: x + side_m, y_max_m: y + side_m };
+                Prism::new(Polygon::from(outline), (0.0, 7.0)).into()
             })
             .collect();
         // The higher the quality that is asked for, the less of the hall is free.
