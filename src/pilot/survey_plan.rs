@@ -113,11 +113,9 @@ impl SurveyPlan {
 
     /// Everything that was wished for is flown; false if the planner ran out of waypoints.
     pub(super) fn is_complete(&self) -> bool {
-        let is_cut_short = match self.end {
-            None | Some(PlanEnd::Open) => self.steps_done < self.settings.n_steps,
-            Some(PlanEnd::NothingFree | PlanEnd::Budget) => self.steps_done < self.settings.n_steps,
-            Some(PlanEnd::Complete | PlanEnd::Target | PlanEnd::SmallGain) => false,
-        };
+        let is_whole =
+            matches!(self.end, Some(PlanEnd::Complete | PlanEnd::Target | PlanEnd::SmallGain));
+        let is_cut_short = !is_whole && self.steps_done < self.settings.n_steps;
         self.is_done() && !is_cut_short
     }
 
