@@ -71,6 +71,7 @@ pub fn config(scenario: &Scenario, devices: Devices) -> Config {
             n_steps: scenario.n_steps,
             leg_spacing_m: conditions.leg_spacing_m,
             target_percent: conditions.target_percent,
+            shadows: conditions.shadows,
             max_speed_mps: conditions.cruise_mps.unwrap_or(planning.max_speed_mps),
             ..planning
         },

@@ -54,6 +54,10 @@ pub struct ScenarioArgs {
     /// The survey ends once σ^V is this share of V, %; left out, it flies all its steps.
     #[arg(long, value_name = "PERCENT")]
     pub target_percent: Option<f64>,
+    /// Whether planners know that high ground hides what is behind it; the service's own default if
+    /// left out.
+    #[arg(long, value_name = "BOOL")]
+    pub shadows: Option<bool>,
     /// Each run draws errors of calibration from their σ, and the service is told these σ: of all
     /// sources, or of those named after `=`.
     #[arg(
@@ -216,6 +220,8 @@ pub struct Conditions {
     pub leg_spacing_m: Option<f64>,
     /// The survey ends once σ^V is this share of V, %; it flies all its steps if `None`.
     pub target_percent: Option<f64>,
+    /// Whether predictions know shadows; the service's own default if `None`.
+    pub shadows: Option<bool>,
 }
 
 impl Default for Conditions {
@@ -229,6 +235,7 @@ impl Default for Conditions {
             cruise_mps: None,
             leg_spacing_m: None,
             target_percent: None,
+            shadows: None,
         }
     }
 }
@@ -305,6 +312,7 @@ impl ScenarioArgs {
             cruise_mps: self.cruise_mps,
             leg_spacing_m: self.leg_spacing_m,
             target_percent: self.target_percent,
+            shadows: self.shadows,
         }
     }
 

@@ -279,3 +279,6 @@ pub fn height_and_tilt_cov(pose_cov: &Matrix6<f64>, hall_from_body: &Matrix3<f64
     by.fixed_view_mut::<1, 3>(2, 3).copy_from(&hall_from_body.row(1));
     by * pose_cov * by.transpose()
 }
+
+#[cfg(test)]
+mod tests;

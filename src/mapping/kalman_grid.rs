@@ -11,6 +11,7 @@
 //! Source: Balula et al. 2023, section 4. Cells are treated as independent and one hit updates
 //! many of them, so σ is too small; the volume's honest uncertainty comes from elsewhere.
 
+use super::KnownHeights;
 use super::projection::{Hit, height_var_as_printed_m2};
 use crate::messages::GridGeometry;
 
@@ -167,6 +168,19 @@ impl KalmanGrid {
                 mean_m + weight * shift_m
             })
             .collect()
+    }
+
+    /// The heights of the cells; those that were hit are known.
+    #[must_use]
+    pub fn known_heights(&self) -> KnownHeights {
+        let is_known: Vec<bool> = self.n_hits.iter().map(|n| *n > 0).collect();
+        let known_m = std::iter::zip(&self.mean_m, &is_known).filter(|(_, is_known)| **is_known);
+        KnownHeights {
+            grid: self.geometry,
+            height_m: self.mean_m.clone(),
+            highest_m: known_m.map(|(h, _)| *h).fold(f64::NEG_INFINITY, f64::max),
+            is_known,
+        }
     }
 
     /// Variance of each cell, m².

@@ -6,7 +6,7 @@ use crate::mapping::belief::CoarseField;
 use crate::mapping::projection::LidarMount;
 use crate::messages::{BudgetSource, VolumeAccount};
 use crate::planning::free_space::FreeSpace;
-use crate::planning::planner::{Belief, Plan, PlanEnd, PlanRequest, Prediction};
+use crate::planning::planner::{Belief, Plan, PlanEnd, PlanRequest};
 use crate::planning::way::{Demand, way_within};
 use crate::planning::{PlannerKind, Settings, Waypoint};
 use crate::time::{Mono, Stamp};
@@ -38,7 +38,6 @@ pub(super) struct SurveyPlan {
     asked_behind: Option<Waypoint>,
     /// Why no further plan is asked for.
     end: Option<PlanEnd>,
-    prediction: Option<Prediction>,
 }
 
 /// What a plan rests on besides map and free space.
@@ -66,7 +65,6 @@ impl SurveyPlan {
             planned_at_step: None,
             asked_behind: None,
             end: None,
-            prediction: None,
         }
     }
 
@@ -77,7 +75,6 @@ impl SurveyPlan {
         self.planned_at_step = None;
         self.asked_behind = None;
         self.end = None;
-        self.prediction = None;
     }
 
     pub(super) const fn settings(&self) -> &Settings {
@@ -116,11 +113,9 @@ impl SurveyPlan {
 
     /// Everything that was wished for is flown; false if the planner ran out of waypoints.
     pub(super) fn is_complete(&self) -> bool {
-        let is_cut_short = match self.end {
-            None | Some(PlanEnd::Open) => self.steps_done < self.settings.n_steps,
-            Some(PlanEnd::NothingFree | PlanEnd::Budget) => self.steps_done < self.settings.n_steps,
-            Some(PlanEnd::Complete | PlanEnd::Target | PlanEnd::SmallGain) => false,
-        };
+        let is_whole =
+            matches!(self.end, Some(PlanEnd::Complete | PlanEnd::Target | PlanEnd::SmallGain));
+        let is_cut_short = !is_whole && self.steps_done < self.settings.n_steps;
         self.is_done() && !is_cut_short
     }
 
@@ -222,7 +217,6 @@ impl SurveyPlan {
         }
         self.ahead.extend(plan.waypoints);
         self.planned_at_step = Some(self.steps_done);
-        self.prediction = plan.prediction.or(self.prediction);
         // A search goes on to better what it found; the others stand by their word.
         self.end = match (self.settings.planner, plan.end) {
             (_, PlanEnd::Open) => None,

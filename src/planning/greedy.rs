@@ -4,15 +4,18 @@
 //! χ_{k+1} = argmin { σ^V after the scans on the way to χ : |χ − χ_k| ≤ R, χ ∈ C_free }
 //! ```
 //! Scans are predicted on a flat surface at the nominal height h0, without shadows, level, at
-//! fixed height and heading; the belief is the height grid's own update law.
+//! fixed height and heading; the belief is the height grid's own update law. With
+//! [`super::Settings::sees_shadows`], which is not the paper's, known ground hides what is behind it.
 //!
 //! Source: Balula et al. 2023, section 5. Printed as arg max; minimising is meant. One step only:
 //! where no single step sees new ground it wanders.
 
 use super::Waypoint;
 use super::free_space::Site;
+use super::height_view::seen_ratio;
 use super::planner::{Belief, Plan, PlanEnd, PlanRequest, Planner};
 use crate::geometry::{Direction, Point};
+use crate::mapping::KnownHeights;
 use crate::mapping::kalman_grid::KalmanGrid;
 use crate::mapping::projection::project;
 use crate::messages::Beam;
@@ -26,7 +29,10 @@ impl Planner for Greedy {
     /// One waypoint, or none if nothing feasible is in reach.
     fn plan(&self, request: &PlanRequest) -> Plan {
         let chosen = match &request.belief {
-            Belief::Grid { cells, areas_m2 } => Choice { request, areas_m2 }.best(cells),
+            Belief::Grid { cells, areas_m2 } => {
+                let heights = request.settings.sees_shadows.then(|| cells.known_heights());
+                Choice { request, areas_m2, heights }.best(cells)
+            }
             Belief::Field { .. } => None,
         };
         chosen.map_or(Plan::nothing(PlanEnd::NothingFree), |waypoint| Plan {
@@ -41,6 +47,8 @@ impl Planner for Greedy {
 struct Choice<'a> {
     request: &'a PlanRequest,
     areas_m2: &'a [f64],
+    /// What hides what; `None` for the paper's flat surface.
+    heights: Option<KnownHeights>,
 }
 
 /// Scans are predicted this far apart along the way, m.
@@ -128,7 +136,12 @@ impl Choice<'_> {
             let returns = down >= least_cos
                 && (self.request.lidar.min_range_m..=self.request.lidar.max_range_m)
                     .contains(&range_m)
-                && !self.request.lidar.is_blind(angle_rad);
+                && !self.request.lidar.is_blind(angle_rad)
+                && self.heights.as_ref().is_none_or(|heights| {
+                    let origin = sensor.origin.coords;
+                    let end = (origin + along.coords * range_m).xy();
+                    seen_ratio(heights, &origin, &end, 1.0) > 0.0
+                });
             if returns {
                 #[expect(clippy::cast_possible_truncation, reason = "beams are single precision")]
                 let beam = Beam {
@@ -143,3 +156,6 @@ impl Choice<'_> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -4,7 +4,7 @@ use crate::mapping::KnownHeights;
 use nalgebra::{Vector2, Vector3};
 
 /// The ray is looked at this often, in cells.
-const STEP_CELLS: f64 = 1.5;
+const STEP_CELLS: f64 = 0.8;
 /// A cell hides what is behind it only if it stands this far above the ray, in cells.
 const CLEARANCE_CELLS: f64 = 0.4;
 

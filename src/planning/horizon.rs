@@ -4,7 +4,7 @@
 //! ```text
 //! cost = L + Λ max(0, ln(σ^V/σ_target))        L: metres at cruise, waiting for a turn included
 //! ```
-//! Λ is the length that halving... one e-fold of σ^V is worth; with a gain per metre below 1/Λ more
+//! Λ is the length that one e-fold of σ^V is worth; with a gain per metre below 1/Λ more
 //! flying is not worth while. Every path is scored by the σ^V that it would leave on a coarse lattice
 //! ([`crate::mapping::belief`]), the fix quality on the way included.
 //!
@@ -28,6 +28,8 @@ pub struct Horizon;
 
 /// Paths that are looked at when there is no plan yet.
 const N_FRESH: usize = 400;
+/// Going on at all is judged as if it cost this much more, m.
+const LEAST_COST_M: f64 = 1.0;
 /// Paths that are looked at to better the present plan.
 const N_AGAIN: usize = 150;
 
@@ -83,19 +85,13 @@ impl Scene<'_> {
     fn plan(&self, best: &Path, sigma_now_m3: f64) -> Plan {
         let gain = (sigma_now_m3 / best.sigma_m3).ln();
         let reaches = self.target_m3().is_some_and(|target_m3| best.sigma_m3 <= target_m3);
-        if !reaches && gain < best.cost_m / scene::METRES_PER_E_FOLD {
+        if !reaches && gain < (LEAST_COST_M + best.cost_m) / scene::METRES_PER_E_FOLD {
             return self.finished(PlanEnd::SmallGain, sigma_now_m3);
         }
-        let step_m = self.request.settings.step_radius_m;
         let mut waypoints: Vec<Waypoint> = Vec::new();
         let mut from = self.start;
         for to in &best.waypoints {
-            let n_parts = (from.distance_m(to) / step_m - 1e-9).ceil().max(1.0);
-            let mut k = 1.0;
-            while k <= n_parts {
-                waypoints.push(from.towards(to, k / n_parts));
-                k += 1.0;
-            }
+            waypoints.extend(self.steps(&from, to));
             from = *to;
         }
         let is_cut = waypoints.len() > self.request.n_waypoints;

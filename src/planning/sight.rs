@@ -16,7 +16,7 @@
 //! ```text
 //! p = (1 − ½ erfc v)/(1 + Λ),   v = μ/(√2 w),   Λ = ½ (exp(−v²)/(√π v) − erfc v)
 //! ```
-//! Source: Smith 1967, eq. (21) and (24). Checked: `shadowing_matches_the_published_curve`.
+//! Source: Smith 1967, eq. (21) and (24). Checked: `shadowing_matches_its_integral`.
 
 use super::Waypoint;
 use super::free_space::FreeSpace;
@@ -227,4 +227,32 @@ pub fn shadowing(fall: f64, slope_sigma: f64) -> f64 {
     let tail = libm::erfc(v);
     let lambda = 0.5 * ((-v * v).exp() / (std::f64::consts::PI.sqrt() * v) - tail);
     (1.0 - 0.5 * tail) / (1.0 + lambda.max(0.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shadowing_matches_its_integral() {
+        // Λ is the mean of (q − μ)/μ over the slopes q > μ that face away, Smith's eq. (17); here by
+        // midpoints over a Gaussian of slopes.
+        for (fall, w) in [(0.3, 0.6), (0.55, 0.6), (1.2, 0.4), (2.0, 0.9)] {
+            let (mut lambda, mut below) = (0.0, 0.0);
+            let n = 200_000;
+            for k in 0..n {
+                let q: f64 = -8.0 * w + 16.0 * w * (f64::from(k) + 0.5) / f64::from(n);
+                let p = (-q * q / (2.0 * w * w)).exp() / (w * std::f64::consts::TAU.sqrt());
+                let dq = 16.0 * w / f64::from(n);
+                if q > fall {
+                    lambda += (q - fall) / fall * p * dq;
+                } else {
+                    below += p * dq;
+                }
+            }
+            let by_integral = below / (1.0 + lambda);
+            assert!((shadowing(fall, w) - by_integral).abs() < 1e-4, "fall {fall}, slopes {w}");
+        }
+        assert!((shadowing(0.5, 0.0) - 1.0).abs() < 1e-12);
+    }
 }

@@ -19,14 +19,14 @@ pub struct ComparisonArgs {
     /// In these worlds; with commas, each as for `--world`.
     #[arg(long, value_delimiter = ',')]
     pub worlds: Vec<String>,
-    /// The σ/V to be reached, %.
-    #[arg(long, default_value_t = 1.0)]
-    pub target_percent: f64,
     /// In a comparison the surface is solved this often, s: that is how well the way to the target
     /// is known.
     #[arg(long, default_value_t = 1.0)]
     pub solve_interval_s: f64,
 }
+
+/// The σ/V to be reached where nothing else is asked for, %.
+const TARGET_PERCENT: f64 = 1.0;
 
 impl ComparisonArgs {
     /// True if planners or worlds are named.
@@ -42,6 +42,7 @@ struct Flights<'a> {
     scenario: &'a ScenarioArgs,
     camera: &'a CameraArgs,
     comparison: &'a ComparisonArgs,
+    target_percent: f64,
     planners: Vec<Planner>,
     worlds: Vec<String>,
     seeds: Range<u64>,
@@ -65,13 +66,19 @@ impl Flights<'_> {
         let planner = self.planners[to_index(k % self.n_planners())];
         let seed = self.seeds.start + k / self.n_planners() % self.n_seeds();
         let world = &self.worlds[to_index(k / self.n_planners() / self.n_seeds())];
-        let args = ScenarioArgs { world: world.clone(), planner, ..self.scenario.clone() };
+        let args = ScenarioArgs {
+            world: world.clone(),
+            planner,
+            // Planners are told what they are asked for.
+            target_percent: Some(self.target_percent),
+            ..self.scenario.clone()
+        };
         let mut scenario = args.scenario(seed)?;
         self.camera.apply(&mut scenario.camera);
         let mut config = config(&scenario, Devices::none());
         config.surface.solve_interval_s = self.comparison.solve_interval_s;
         let survey = survey::fly(&scenario, &config, &[])?;
-        let target = self.comparison.target_percent / 100.0;
+        let target = self.target_percent / 100.0;
         let who = (world.as_str(), seed, planner);
         Ok(ComparedRun::new(who, scenario.world.volume_m3(), target, survey))
     }
@@ -93,7 +100,8 @@ pub fn run(
     seeds: Range<u64>,
     n_jobs: NonZeroUsize,
 ) -> anyhow::Result<Comparison> {
-    let ComparisonArgs { target_percent, solve_interval_s, .. } = *comparison;
+    let solve_interval_s = comparison.solve_interval_s;
+    let target_percent = scenario.target_percent.unwrap_or(TARGET_PERCENT);
     anyhow::ensure!((0.001..=100.0).contains(&target_percent), "--target-percent is 0.001 to 100");
     anyhow::ensure!((0.2..=60.0).contains(&solve_interval_s), "--solve-interval-s is 0.2 to 60");
     let or = |named: bool, list: Vec<Planner>| if named { list } else { vec![scenario.planner] };
@@ -105,6 +113,7 @@ pub fn run(
         scenario,
         camera,
         comparison,
+        target_percent,
         planners: or(!comparison.planners.is_empty(), comparison.planners.clone()),
         worlds,
         seeds,

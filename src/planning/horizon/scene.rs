@@ -98,9 +98,24 @@ impl<'a> Scene<'a> {
         from.distance_m(to).max(turn_m) + TURN_COST_M * turn_rad + WAYPOINT_COST_M
     }
 
-    /// True if one may fly straight from one to the other.
+    /// The waypoints of a straight leg, no further apart than a step.
+    pub(super) fn steps(&self, from: &Waypoint, to: &Waypoint) -> Vec<Waypoint> {
+        let step_m = self.request.settings.step_radius_m;
+        let n_parts = (from.distance_m(to) / step_m - 1e-9).ceil().max(1.0);
+        std::iter::successors(Some(1.0), |k| (*k < n_parts).then_some(k + 1.0))
+            .map(|k| from.towards(to, k / n_parts))
+            .collect()
+    }
+
+    /// True if one may fly straight from one to the other, step by step as it will be flown.
     pub(super) fn is_open(&self, from: &Waypoint, to: &Waypoint) -> bool {
-        self.request.free_space.is_free(to) && self.request.free_space.is_way_free(from, to)
+        let free_space = &self.request.free_space;
+        let mut before = *from;
+        self.steps(from, to).iter().all(|step| {
+            let is_open = free_space.is_free(step) && free_space.is_way_free(&before, step);
+            before = *step;
+            is_open
+        })
     }
 
     /// The waypoints with ways around what stands between them; those that cannot be reached are left
@@ -109,7 +124,7 @@ impl<'a> Scene<'a> {
         let mut joined = Vec::with_capacity(waypoints.len());
         let mut from = self.start;
         for to in waypoints.iter().filter(|to| self.request.free_space.is_free(to)) {
-            if self.request.free_space.is_way_free(&from, to) {
+            if self.is_open(&from, to) {
                 joined.push(*to);
             } else if let Some(corners) = way(&self.request.free_space, &from, to) {
                 joined.extend(corners);

@@ -157,7 +157,7 @@ fn plans_stay_in_the_free_space_among_random_columns_and_poor_fixes() {
                 let side_m = noise.between(0.3, 1.2);
                 let outline =
                     Rect { x_min_m: x, y_min_m: y, x_max_m: x + side_m, y_max_m: y + side_m };
-                Solid::Prism(Prism::new(Polygon::from(outline), (0.0, 7.0)))
+                Prism::new(Polygon::from(outline), (0.0, 7.0)).into()
             })
             .collect();
         // The higher the quality that is asked for, the less of the hall is free.

@@ -1,0 +1,97 @@
+use super::*;
+use crate::mapping::region::Rect;
+use crate::stats::SeedBook;
+use nalgebra::{DMatrix, DVector};
+
+fn field() -> CoarseField {
+    let region = Region {
+        bounds: Rect { x_min_m: 0.0, y_min_m: 0.0, x_max_m: 6.0, y_max_m: 5.0 },
+        exclusions: Vec::new(),
+        exclusion_margin_m: 0.0,
+        bays: Vec::new(),
+    };
+    let prior = Prior { range_m: 5.0, sigma_m: 1.0, mean_m: 1.5, mean_sigma_m: 1.5 };
+    let fine = region.grid(0.25);
+    CoarseField::new(&region, fine, &vec![fine.cell_area_m2(); fine.n_cells()], prior)
+        .expect("a prior")
+}
+
+/// Σ0, column by column.
+fn prior_cov(field: &CoarseField) -> DMatrix<f64> {
+    let n = field.lattice().n_nodes();
+    let column = |node: usize| {
+        let mut unit = vec![0.0; n];
+        unit[node] = 1.0;
+        let lattice = field.functional.lattice();
+        let one = Functional::new(lattice, &field.prior, unit).expect("a prior");
+        one.given(&Information::new(lattice)).expect("solved").q
+    };
+    DMatrix::from_columns(&(0..n).map(|node| DVector::from_vec(column(node))).collect::<Vec<_>>())
+}
+
+#[test]
+fn coarse_variance_matches_dense_algebra() {
+    let field = field();
+    let n = field.lattice().n_nodes();
+    let mut noise = SeedBook::new(5).stream("sightings");
+    let cov = Matrix3::new(4e-4, 1e-5, 0.0, 1e-5, 9e-6, 2e-6, 0.0, 2e-6, 1e-5);
+    let mut parts = Vec::new();
+    // Rows, information, window and arms of all data.
+    let mut data = Vec::new();
+    for part in 0..2 {
+        let mut seen = field.nothing_seen();
+        for window in 0..2 {
+            seen.windows.push(field.window(&cov));
+            for _ in 0..15 {
+                let (x, y) = (noise.between(0.2, 5.8), noise.between(0.2, 4.8));
+                let row = field.lattice().row_at(x, y).expect("inside");
+                let info = noise.between(1.0, 200.0);
+                let arm = (noise.between(-4.0, 4.0), noise.between(-4.0, 4.0));
+                seen.add(&row, info, arm);
+                data.push((row, info, 2 * part + window, arm));
+            }
+        }
+        parts.push(seen);
+    }
+    let ours = field.volume_var(&parts.iter().collect::<Vec<_>>()).expect("solved");
+    // Σ = Σ0 − Σ0 Aᵀ (A Σ0 Aᵀ + R)⁻¹ A Σ0
+    let prior = prior_cov(&field);
+    let mut a = DMatrix::zeros(data.len(), n);
+    let mut r = DMatrix::zeros(data.len(), data.len());
+    for (i, (row, info, ..)) in data.iter().enumerate() {
+        for (node, weight) in std::iter::zip(row.nodes, row.weights) {
+            a[(i, node as usize)] += weight;
+        }
+        r[(i, i)] = 1.0 / info;
+    }
+    let gain = (&a * &prior * a.transpose() + r).try_inverse().expect("regular");
+    let posterior = &prior - &prior * a.transpose() * gain * &a * &prior;
+    let w = DVector::from_column_slice(field.functional.weights());
+    assert!((w.sum() - 30.0).abs() < 1e-9, "6 m × 5 m");
+    let dense_m6 = w.dot(&(&posterior * &w));
+    assert!((ours.field_m6 / dense_m6 - 1.0).abs() < 1e-6, "{} {dense_m6}", ours.field_m6);
+    // ∂V/∂z_i by the same dense matrix, and from there the pose's share.
+    let q = &posterior * &w;
+    let mut pose_m6 = 0.0;
+    for window in 0..4 {
+        let mut s = Vector3::zeros();
+        for (i, (_, info, of, (x, y))) in data.iter().enumerate() {
+            if *of == window {
+                s += Vector3::new(1.0, *y, -*x) * (a.row(i) * &q)[0] * *info;
+            }
+        }
+        pose_m6 += s.dot(&(cov * s));
+    }
+    assert!((ours.pose_m6 / pose_m6 - 1.0).abs() < 1e-6, "{} {pose_m6}", ours.pose_m6);
+}
+
+#[test]
+fn height_and_tilt_follow_the_heading() {
+    // 1° of roll of a body that heads along y is tilt about y of the hall.
+    let mut cov = Matrix6::zeros();
+    cov[(2, 2)] = 0.04;
+    cov[(3, 3)] = 3.0e-4;
+    let turned = nalgebra::Rotation3::from_euler_angles(0.0, 0.0, std::f64::consts::FRAC_PI_2);
+    let ours = height_and_tilt_cov(&cov, turned.matrix());
+    assert!((ours - Matrix3::from_diagonal(&Vector3::new(0.04, 0.0, 3.0e-4))).norm() < 1e-12);
+}
