@@ -39,7 +39,8 @@ impl Planner for Horizon {
             return Plan::nothing(PlanEnd::NothingFree);
         };
         let sigma_now_m3 = scene.sigma_now_m3();
-        if scene.target_m3().is_some_and(|target_m3| sigma_now_m3 <= target_m3) {
+        // With a margin: the account has the last word.
+        if scene.is_enough(sigma_now_m3) {
             return scene.finished(PlanEnd::Target, sigma_now_m3);
         }
         let is_first = request.current.is_empty() && request.accounted.is_none();
