@@ -347,7 +347,7 @@ pub struct FieldSection {
 
 impl Default for FieldSection {
     fn default() -> Self {
-        Self { range_m: 5.0, sigma_m: 1.0, nugget_m: 0.015 }
+        Self { range_m: 5.0, sigma_m: 1.0, nugget_m: 0.007 }
     }
 }
 

@@ -47,7 +47,7 @@ impl Default for Settings {
         Self {
             range_m: 5.0,
             sigma_m: 1.0,
-            nugget_m: 0.015,
+            nugget_m: 0.007,
             mean_level_m: (1.5, 1.5),
             slope_sigma: 0.6,
             calibration: CalibrationSigmas::default(),

@@ -305,4 +305,20 @@ mod tests {
         assert_eq!(region.grid(0.1).n_cols, 200);
         assert!(!region.accepts(20.01, 3.0) && region.accepts(19.99, 3.0));
     }
+
+    #[test]
+    fn a_point_in_a_wall_moves_to_the_nearest_ground() {
+        let wall = Rect { x_min_m: 2.0, y_min_m: 0.0, x_max_m: 2.3, y_max_m: 5.0 };
+        let region = Region {
+            bounds: Rect { x_min_m: 0.0, y_min_m: 0.0, x_max_m: 6.0, y_max_m: 6.0 },
+            exclusions: vec![wall.into()],
+            exclusion_margin_m: 0.0,
+            bays: Vec::new(),
+        };
+        let (x, y) = region.beside_exclusions((2.22, 3.0), 0.5);
+        assert!((2.3..2.3 + 0.5 / 16.0 + 1e-9).contains(&x) && (y - 3.0).abs() < 1e-12, "{x} {y}");
+        assert_eq!(region.beside_exclusions((1.0, 1.0), 0.5), (1.0, 1.0));
+        // Too deep inside to find a way out.
+        assert_eq!(region.beside_exclusions((2.15, 2.0), 0.1), (2.15, 2.0));
+    }
 }

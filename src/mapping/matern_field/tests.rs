@@ -356,3 +356,54 @@ fn marginal_likelihood_matches_the_dense_one() {
         assert!((ours - dense).abs() < 1e-6 * dense.abs().max(1.0), "{ours}, not {dense}");
     }
 }
+
+#[test]
+fn whole_cells_count_with_the_mean_of_the_fitted_surface() {
+    let grid = square_grid(8, 0.5);
+    // A wall cuts the columns 0 to 3 from 4 to 7.
+    let wall = |a: (f64, f64), b: (f64, f64)| (a.0 + 1.0) * (b.0 + 1.0) < 0.0;
+    let lattice = Lattice::covering(&grid, 0.5, wall);
+    let area_m2 = grid.cell_area_m2();
+    let mut of_cells = vec![0.0; grid.n_cells()];
+    let mean = |of_cells: &[f64], h: &dyn Fn(f64, f64) -> f64| {
+        let w = lattice.spread_over_cells(&lattice.from_cells(of_cells));
+        let total: f64 = w.iter().sum();
+        let sum: f64 = (0..lattice.n_nodes())
+            .map(|node| (w[node], lattice.place_m(node)))
+            .map(|(w, (x, y))| w * h(x, y))
+            .sum();
+        (sum / total, total)
+    };
+    // In the midst: least squares put nodes c²/6 below x², and a cell's mean is x² + c²/12.
+    of_cells[grid.index(2, 4)] = area_m2;
+    let (x, y) = grid.centre_m(grid.index(2, 4));
+    let (found, total) = mean(&of_cells, &|x, y| x * x + 2.0 * y * y - 3.0 * 0.25 / 6.0);
+    let expected = x * x + 2.0 * y * y + 3.0 * 0.25 / 12.0;
+    assert!((found - expected).abs() < 1e-12 && (total - area_m2).abs() < 1e-15, "{found}");
+    // Beside the wall: planes stay exact, and nothing of the other side counts.
+    of_cells.fill(0.0);
+    of_cells[grid.index(3, 4)] = area_m2;
+    let (x, y) = grid.centre_m(grid.index(3, 4));
+    let far = |x: f64, y: f64| if x < -1.0 { 0.3 * x - 0.7 * y } else { 1e6 };
+    let (found, _) = mean(&of_cells, &far);
+    assert!((found - (0.3 * x - 0.7 * y)).abs() < 1e-12, "{found}");
+}
+
+#[test]
+fn a_node_in_a_wall_serves_the_ground_before_it() {
+    // A wall from x = −1.8 to −1.4 m holds the centre −1.75 m, whose cell from −2 to −1.5 m has 0.2 m
+    // of ground before the wall.
+    let grid = square_grid(6, 0.5);
+    let (from, to) = (-1.8, -1.4);
+    let separates = |a: (f64, f64), b: (f64, f64)| a.0.min(b.0) < to && a.0.max(b.0) > from;
+    let beside = |p: (f64, f64)| if (from..to).contains(&p.0) { (from - 0.01, p.1) } else { p };
+    let hidden = Lattice::covering(&grid, 0.5, separates);
+    let serving = Lattice::covering_beside_walls(&grid, 0.5, beside, separates);
+    let node = serving.node_of_cell(grid.index(2, 3));
+    let weight = |lattice: &Lattice| {
+        let row = lattice.row_at(-1.85, 3.25).expect("inside");
+        let own = row.nodes.iter().position(|n| *n as usize == node).expect("a corner");
+        row.weights[own]
+    };
+    assert!(weight(&hidden).abs() < 1e-15 && weight(&serving) > 0.5);
+}
