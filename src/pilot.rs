@@ -21,7 +21,7 @@ pub use event::{Action, Event, FlightSummary, JobId, PhaseChange, VolumeReport};
 pub use job::{Job, JobOutput};
 
 use crate::geometry::{Hall, Point};
-use crate::localization::{self, Health, Localizer};
+use crate::localization::{self, Localizer};
 use crate::mapping::{self, Mapper, SolveError, SolvedSurface};
 use crate::messages::{
     BatterySample, DisturbedArea, NavEstimate, OperatorAnswer, OperatorCommand, Scan, Severity,

@@ -33,7 +33,7 @@ pub(in crate::localization) struct JointPrior {
     sigma_m: f64,
     /// Factor of the covariance of `c'`.
     L: Matrix6<f64>,
-    /// cov(z_0, e), 6×15.
+    /// `cov(z_0, e)`, 6×15.
     z0_by_error: PoseRows<15>,
     /// Number in the marker map and `cov(e, z_t) = σ E_t` of each place.
     places: Vec<(usize, Share)>,

@@ -25,7 +25,7 @@ fn owing(noise: &mut Noise, scale: f64) -> FilterState {
     state
 }
 
-/// cov(e, τ_0 … τ_n) and cov(τ), as one matrix of 15 + 3 n rows.
+/// `cov(e, τ_0 … τ_n)` and cov(τ), as one matrix of 15 + 3 n rows.
 fn dense(state: &FilterState) -> DMatrix<f64> {
     let errors = state.places.as_ref().expect("places");
     let var_m2 = SIGMA_M * SIGMA_M;
