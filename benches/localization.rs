@@ -8,6 +8,7 @@ use std::hint::black_box;
 use std::sync::Arc;
 use std::time::Duration;
 use stockpilot::geometry::{Body, Camera, Hall, Point, Rotation, Transform};
+use stockpilot::localization::PlaceErrors;
 use stockpilot::localization::camera_model::{CameraModel, Lens};
 use stockpilot::localization::filter::{Covariance, FilterState, ImuNoise};
 use stockpilot::localization::ring::{FrameInsertion, Insertion, Ring};
@@ -47,8 +48,8 @@ fn imu(step: i64) -> ImuSample {
 }
 
 /// One second of samples at 200 Hz.
-fn ring() -> Ring {
-    let mut ring = Ring::new(state(), imu(0), ImuNoise::default(), Duration::from_secs(1));
+fn ring(start: FilterState) -> Ring {
+    let mut ring = Ring::new(start, imu(0), ImuNoise::default(), Duration::from_secs(1));
     (1..=200).for_each(|step| ring.push_imu(imu(step)));
     ring
 }
@@ -63,7 +64,7 @@ fn propagation(c: &mut Criterion) {
 }
 
 fn late_fix(c: &mut Criterion) {
-    let full = ring();
+    let full = ring(state());
     let exposed = at(180);
     let fix = FixOutcome {
         hall_from_body: full.state_at(exposed).expect("inside").hall_from_body,
@@ -168,6 +169,18 @@ fn frame(features: &[PointFeature], camera: &CameraModel) -> Frame {
     }
 }
 
+/// A state that owes something to the places of forty tags, each hung 5 mm well.
+fn owing(start: &FilterState) -> FilterState {
+    let mut state = FilterState { places: PlaceErrors::new(0.005), ..start.clone() };
+    let camera = camera();
+    for first in [30, 20, 10, 0] {
+        let mut frame = frame(&ten_tags(&camera, &state.hall_from_body), &camera);
+        frame.points.iter_mut().for_each(|point| point.place_idx += first);
+        assert!(fuse(&mut state, &Vector3::zeros(), &frame).0.is_fused);
+    }
+    FilterState { P: start.P, ..state }
+}
+
 fn tight(c: &mut Criterion) {
     let (camera, mut start, rate) = (camera(), state(), Vector3::new(0.02, 0.1, -0.05));
     start.P = Covariance::identity() * 1e-4;
@@ -175,20 +188,32 @@ fn tight(c: &mut Criterion) {
         .hall_from_body
         .perturbed(&Vector3::new(0.01, -0.01, 0.005), &Vector3::new(0.002, 0.001, -0.003));
     let frame = frame(&ten_tags(&camera, &seen_from), &camera);
-    let mut once = start.clone();
-    let (outcome, _) = fuse(&mut once, &rate, &frame);
-    assert!(outcome.is_fused && outcome.n_used == 40);
-    c.bench_function("tight_update_10_tags", |b| {
-        b.iter_batched_ref(
-            || start.clone(),
-            |state| fuse(state, &rate, black_box(&frame)),
-            BatchSize::SmallInput,
-        );
+    for (name, start) in [("", start.clone()), ("_placed", owing(&start))] {
+        let mut once = start.clone();
+        let (outcome, _) = fuse(&mut once, &rate, &frame);
+        assert!(outcome.is_fused && outcome.n_used == 40);
+        c.bench_function(&format!("tight_update_10_tags{name}"), |b| {
+            b.iter_batched_ref(
+                || start.clone(),
+                |state| fuse(state, &rate, black_box(&frame)),
+                BatchSize::SmallInput,
+            );
+        });
+    }
+    let (placed, sample, noise) = (owing(&start), imu(1), ImuNoise::default());
+    c.bench_function("imu_propagation_placed", |b| {
+        b.iter(|| black_box(&placed).propagated(black_box(&sample), sample.at, &noise));
     });
+    c.bench_function("total_cov_placed", |b| b.iter(|| black_box(&placed).total_cov()));
 }
 
 fn late_frames(c: &mut Criterion) {
-    let (full, camera) = (ring(), camera());
+    late_frame(c, "", state());
+    late_frame(c, "_placed", owing(&state()));
+}
+
+fn late_frame(c: &mut Criterion, name: &str, start: FilterState) {
+    let (full, camera) = (ring(start), camera());
     let frame_at = |step: i64| {
         let pose = full.state_at(at(step)).expect("inside").hall_from_body;
         frame(&ten_tags(&camera, &pose), &camera)
@@ -201,7 +226,7 @@ fn late_frames(c: &mut Criterion) {
     let late = frame_at(170);
     let placed = waiting.clone().insert_frame(at(170), late.clone(), |_, _| None);
     assert!(matches!(placed, FrameInsertion::Placed(placed) if placed.tight.is_fused));
-    c.bench_function("tight_frame_150_ms_late", |b| {
+    c.bench_function(&format!("tight_frame_150_ms_late{name}"), |b| {
         b.iter_batched_ref(
             || {
                 let mut ring = waiting.clone();
@@ -212,7 +237,7 @@ fn late_frames(c: &mut Criterion) {
             BatchSize::SmallInput,
         );
     });
-    c.bench_function("error_transition_100_ms", |b| {
+    c.bench_function(&format!("error_transition_100_ms{name}"), |b| {
         b.iter(|| waiting.error_transition(black_box(at(175)), black_box(at(195))));
     });
 }

@@ -21,7 +21,7 @@ pub use event::{Action, Event, FlightSummary, JobId, PhaseChange, VolumeReport};
 pub use job::{Job, JobOutput};
 
 use crate::geometry::{Hall, Point};
-use crate::localization::{self, Health, Localizer};
+use crate::localization::{self, Localizer};
 use crate::mapping::{self, Mapper, SolveError, SolvedSurface};
 use crate::messages::{
     BatterySample, DisturbedArea, NavEstimate, OperatorAnswer, OperatorCommand, Scan, Severity,
@@ -318,7 +318,7 @@ impl Pilot {
             now: self.now,
             vehicle: self.vehicle,
             is_autopilot_lost: self.is_autopilot_lost,
-            has_position: self.trusted_estimate().is_some(),
+            has_position: self.localizer.is_trusted(self.now),
             has_lidar: self.last_beam_at.is_some_and(|at| self.now.since(at) < LIDAR_SILENT_AFTER),
             battery_ratio: self
                 .battery
@@ -327,8 +327,8 @@ impl Pilot {
             has_plan: self.route.plan.has_somewhere_to_go(),
             is_plan_done: self.route.plan.is_done(),
             is_plan_complete: self.route.plan.is_complete(),
-            heading_error_rad: self.localizer.estimate().map(|estimate| {
-                let yaw_rad = estimate.hall_from_body.rotation.yaw_rad();
+            heading_error_rad: self.localizer.pose().map(|hall_from_body| {
+                let yaw_rad = hall_from_body.rotation.yaw_rad();
                 wrapped_rad(yaw_rad - self.route.settings().yaw_rad)
             }),
             is_trajectory_over: self.route.path().reached_end(self.now).is_some(),
@@ -337,7 +337,7 @@ impl Pilot {
     }
 
     fn is_at_target(&self) -> bool {
-        let place = self.localizer.estimate().map(|estimate| estimate.hall_from_body.origin);
+        let place = self.localizer.pose().map(|hall_from_body| hall_from_body.origin);
         self.route
             .path()
             .reached_end(self.now)
@@ -369,7 +369,7 @@ impl Pilot {
 
     /// Turns the trajectory to what the new phase is for.
     fn enter(&mut self, from: Phase, to: Phase) {
-        let here = self.localizer.estimate().map(|estimate| estimate.hall_from_body.origin);
+        let here = self.localizer.pose().map(|hall_from_body| hall_from_body.origin);
         match to {
             Phase::Preflight => {
                 // The next flight measures anew: the material may have moved.
@@ -424,9 +424,9 @@ impl Pilot {
             return;
         }
         if self.route.path().trajectory().is_none()
-            && let Some(estimate) = self.localizer.estimate()
+            && let Some(hall_from_body) = self.localizer.pose()
         {
-            self.stand(estimate.hall_from_body.origin);
+            self.stand(hall_from_body.origin);
         }
         let Some(trajectory) = self.route.path().trajectory() else { return };
         let setpoint = trajectory.setpoint_at(self.now.plus(STEER_LEAD));
@@ -444,8 +444,9 @@ impl Pilot {
 
     /// The belief, if it can be flown on.
     fn trusted_estimate(&self) -> Option<NavEstimate> {
-        let is_good = self.localizer.health(self.now) == Health::Good;
-        self.localizer.estimate().filter(|estimate| is_good && estimate.is_finite())
+        let is_trusted = self.localizer.is_trusted(self.now);
+        let estimate = is_trusted.then(|| self.localizer.estimate()).flatten();
+        estimate.filter(NavEstimate::is_finite)
     }
 
     /// Maps the scans whose poses are known for good, and those for which no pose will come.

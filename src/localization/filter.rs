@@ -142,6 +142,25 @@ impl FilterState {
         self.places.as_ref().map_or(self.P, |places| self.P + places.cov())
     }
 
+    /// The pose's part of [`Self::total_cov`], 6×6: position in hall axes (m), attitude in body axes
+    /// (rad).
+    #[must_use]
+    pub fn pose_cov(&self) -> Matrix6<f64> {
+        let P = self.P.fixed_view::<6, 6>(0, 0).into_owned();
+        self.places.as_ref().map_or(P, |places| P + places.pose_cov())
+    }
+
+    /// True if no part of the belief is NaN or infinite.
+    #[must_use]
+    pub fn is_finite(&self) -> bool {
+        let vectors = [&self.velocity_mps, &self.gyro_bias_radps, &self.accel_bias_mps2];
+        self.hall_from_body.origin.is_finite()
+            && self.hall_from_body.rotation.quaternion().coords.iter().all(|c| c.is_finite())
+            && vectors.into_iter().flatten().all(|c| c.is_finite())
+            && self.P.iter().all(|c| c.is_finite())
+            && self.places.as_ref().is_none_or(|places| places.is_finite())
+    }
+
     /// Φ of the error from this state to `until`; nothing moves backwards.
     pub(super) fn transition(&self, imu: &ImuSample, until: Stamp<Mono>) -> Transition {
         Step::new(self, imu, until.seconds_since(self.at).max(0.0)).transition
@@ -192,7 +211,8 @@ impl FilterState {
         let gain = Gain { first: 0, U: K };
         self.absorb(&gain, &K, &fix.pose_cov, &innovation.pose);
         if let Some(places) = &mut self.places {
-            places.add(by_place.iter().map(|tag| (tag.tag_idx, K * tag.pose_by_place)));
+            let share = |tag: &TagSensitivity| (tag.tag_idx, K * tag.pose_by_place);
+            places.add(&by_place.iter().map(share).collect::<Vec<_>>());
         }
         Some(gain)
     }
@@ -203,10 +223,10 @@ impl FilterState {
     /// P_tot Hᵀ − Σ σ² E_t F_tᵀ,   H P_tot Hᵀ + Σ σ² (F_t F_tᵀ − H E_t F_tᵀ − F_t E_tᵀ Hᵀ)
     /// ```
     fn against(&self, by_place: &[TagSensitivity]) -> (SMatrix<f64, SIZE, 6>, Matrix6<f64>) {
-        let P = self.total_cov();
-        let mut cross = P.fixed_columns::<6>(0).into_owned();
-        let mut own = P.fixed_view::<6, 6>(0, 0).into_owned();
+        let mut cross = self.P.fixed_columns::<6>(0).into_owned();
+        let mut own = self.pose_cov();
         if let Some(places) = &self.places {
+            cross += places.cov_with_pose();
             let var_m2 = places.sigma_m().powi(2);
             for tag in by_place {
                 let F = tag.pose_by_place * var_m2;

@@ -341,10 +341,23 @@ impl Localizer {
         Some(self.placed_ring()?.newest().at)
     }
 
+    /// The newest pose, if it is known.
+    #[must_use]
+    pub fn pose(&self) -> Option<Transform<Hall, Body>> {
+        Some(self.placed_ring()?.newest().hall_from_body)
+    }
+
+    /// True if the pose can be flown on and no part of the belief is NaN or infinite.
+    #[must_use]
+    pub fn is_trusted(&self, now: Stamp<Mono>) -> bool {
+        self.health(now) == Health::Good
+            && self.placed_ring().is_some_and(|ring| ring.newest().is_finite())
+    }
+
     /// The largest position σ of the newest belief, m.
     #[must_use]
     pub fn position_sigma_m(&self) -> Option<f64> {
-        let cov = self.placed_ring()?.newest().total_cov();
+        let cov = self.placed_ring()?.newest().pose_cov();
         // What is not a number is not known at all; `max` would pass it over.
         let sigma_m = |var_m2: f64| {
             if var_m2.is_finite() { var_m2.max(0.0).sqrt() } else { f64::INFINITY }

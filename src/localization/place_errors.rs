@@ -21,8 +21,7 @@ use super::filter::{Covariance, Gain};
 use super::propagation::Transition;
 use crate::messages::TagSensitivity;
 use crate::messages::state::SIZE;
-use nalgebra::{Matrix6x3, SMatrix};
-use std::collections::BTreeMap;
+use nalgebra::{Matrix6, Matrix6x3, SMatrix};
 use std::sync::Arc;
 
 /// What the place of one tag does to the error of the state, 15×3.
@@ -43,27 +42,30 @@ pub struct PlaceErrors {
 /// The shares after an update that used tags.
 #[derive(Debug, Clone, PartialEq)]
 struct Shares {
-    /// By the number of the place in the marker map.
-    by_place: BTreeMap<usize, Share>,
+    /// In the order of the numbers of the places in the marker map.
+    by_place: Vec<(usize, Share)>,
     /// Σ σ² E Eᵀ
     cov: Covariance,
 }
 
 impl PlaceErrors {
-    /// No share yet; `None` for a map without errors.
-    pub(super) fn new(sigma_m: f64) -> Option<Box<Self>> {
-        let then = Arc::new(Shares { by_place: BTreeMap::new(), cov: Covariance::zeros() });
+    /// No share yet of places that each axis may be off by `sigma_m` (m); `None` for a map without
+    /// errors.
+    #[must_use]
+    pub fn new(sigma_m: f64) -> Option<Box<Self>> {
+        let then = Arc::new(Shares { by_place: Vec::new(), cov: Covariance::zeros() });
         (sigma_m > 0.0).then(|| Box::new(Self { sigma_m, since: Covariance::identity(), then }))
     }
 
     /// The shares of a state that was just put onto a fix.
     pub(super) fn of_fix(sigma_m: f64, by_place: &[TagSensitivity]) -> Option<Box<Self>> {
         let mut errors = Self::new(sigma_m)?;
-        errors.add(by_place.iter().map(|tag| {
+        let share = |tag: &TagSensitivity| {
             let mut E = Share::zeros();
             E.fixed_rows_mut::<6>(0).copy_from(&tag.pose_by_place);
             (tag.tag_idx, E)
-        }));
+        };
+        errors.add(&by_place.iter().map(share).collect::<Vec<_>>());
         Some(errors)
     }
 
@@ -83,43 +85,72 @@ impl PlaceErrors {
     }
 
     /// `E_t ← E_t + V_t` of some places.
-    pub(super) fn add(&mut self, shares: impl Iterator<Item = (usize, Share)>) {
-        let mut by_place = self.then.by_place.clone();
-        by_place.values_mut().for_each(|E| *E = self.since * *E);
-        for (place_idx, V) in shares {
-            *by_place.entry(place_idx).or_insert_with(Share::zeros) += V;
+    pub(super) fn add(&mut self, shares: &[(usize, Share)]) {
+        let before = &self.then.by_place;
+        let mut by_place = Vec::with_capacity(before.len() + shares.len());
+        by_place.extend(before.iter().map(|(place, E)| (*place, self.since * E)));
+        for &(place_idx, V) in shares {
+            match by_place.binary_search_by_key(&place_idx, |(place, _)| *place) {
+                Ok(at) => by_place[at].1 += V,
+                Err(at) => by_place.insert(at, (place_idx, V)),
+            }
         }
-        let cov = self.cov_of(by_place.values());
+        let cov = self.cov_of(by_place.iter().map(|(_, E)| E));
         self.then = Arc::new(Shares { by_place, cov });
         self.since = Covariance::identity();
     }
 
     /// `E_t` of one place.
     pub(super) fn share(&self, place_idx: usize) -> Share {
-        self.then.by_place.get(&place_idx).map_or_else(Share::zeros, |E| self.since * E)
+        let by_place = &self.then.by_place;
+        let at = by_place.binary_search_by_key(&place_idx, |(place, _)| *place);
+        at.map_or_else(|_| Share::zeros(), |at| self.since * by_place[at].1)
     }
 
     /// Σ σ² E Eᵀ over all places.
     pub(super) fn cov(&self) -> Covariance {
-        let cov = self.since * self.then.cov * self.since.transpose();
+        self.carried(&self.then.cov)
+    }
+
+    /// The first six columns of the same.
+    pub(super) fn cov_with_pose(&self) -> SMatrix<f64, SIZE, 6> {
+        self.since * (self.then.cov * self.since.fixed_rows::<6>(0).transpose())
+    }
+
+    /// The pose's part of the same, 6×6.
+    pub(super) fn pose_cov(&self) -> Matrix6<f64> {
+        let half = self.then.cov * self.since.fixed_rows::<6>(0).transpose();
+        let cov = self.since.fixed_rows::<6>(0) * half;
         (cov + cov.transpose()) * 0.5
     }
 
     /// Σ σ² E Eᵀ over all places but these.
     pub(super) fn cov_without(&self, places: &[usize]) -> Covariance {
         let others = self.then.by_place.iter().filter(|(place, _)| !places.contains(place));
-        let cov = self.since * self.cov_of(others.map(|(_, E)| E)) * self.since.transpose();
+        self.carried(&self.cov_of(others.map(|(_, E)| E)))
+    }
+
+    /// A covariance from when the shares were written down.
+    fn carried(&self, then: &Covariance) -> Covariance {
+        let cov = self.since * then * self.since.transpose();
         (cov + cov.transpose()) * 0.5
+    }
+
+    /// True if no share is NaN or infinite.
+    pub(super) fn is_finite(&self) -> bool {
+        self.since.iter().chain(&self.then.cov).all(|c| c.is_finite())
     }
 
     fn cov_of<'a>(&self, shares: impl Iterator<Item = &'a Share>) -> Covariance {
         let var_m2 = self.sigma_m * self.sigma_m;
-        shares.fold(Covariance::zeros(), |sum, E| sum + E * E.transpose() * var_m2)
+        let mut cov = Covariance::zeros();
+        shares.for_each(|E| cov.gemm(var_m2, E, &E.transpose(), 1.0));
+        cov
     }
 
     /// The pose's part of all shares that say anything.
     pub(super) fn sensitivities(&self) -> Vec<TagSensitivity> {
-        let pose_part = |(&tag_idx, E): (&usize, &Share)| {
+        let pose_part = |&(tag_idx, E): &(usize, Share)| {
             let pose_by_place: Matrix6x3<f64> = self.since.fixed_rows::<6>(0) * E;
             TagSensitivity { tag_idx, pose_by_place }
         };

@@ -242,14 +242,14 @@ impl Ring {
         let place = self.entries.partition_point(|entry| entry.state.at <= at);
         let before = &self.entries[place - 1].state;
         let Some(after) = self.entries.get(place).map(|entry| &entry.state) else {
-            return Some((before.hall_from_body, pose_cov(before)));
+            return Some((before.hall_from_body, before.pose_cov()));
         };
         let ratio = at.seconds_since(before.at) / after.at.seconds_since(before.at);
         let (a, b) = (&before.hall_from_body, &after.hall_from_body);
         let turn = b.rotation.minus(&a.rotation) * ratio;
         let origin = a.origin.coords.lerp(&b.origin.coords, ratio);
         let pose = Transform::new(a.rotation.perturbed(&turn), Point::from_coords(origin));
-        Some((pose, pose_cov(after)))
+        Some((pose, after.pose_cov()))
     }
 
     /// The state at an instant inside the ring, propagated from the one before.
@@ -370,10 +370,6 @@ fn judged_again(
 fn fused(state: &mut FilterState, fix: &PlacedFix, innovation: &Innovation) -> Option<Box<Gain>> {
     let fuse = || state.fuse_placed(&fix.outcome, &fix.by_place, innovation).map(Box::new);
     innovation.is_within_gate().then(fuse).flatten()
-}
-
-fn pose_cov(state: &FilterState) -> Matrix6<f64> {
-    state.total_cov().fixed_view::<6, 6>(0, 0).into_owned()
 }
 
 #[cfg(test)]

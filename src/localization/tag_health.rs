@@ -112,7 +112,7 @@ impl TagHealth {
         frame: &Frame,
         tags: &[TagPoints],
     ) -> Option<Vec<(TagName, bool)>> {
-        let cov = state.total_cov();
+        let cov = state.pose_cov();
         let sigma = |k: usize| cov[(k, k)].max(0.0).sqrt();
         let is_certain = (0..3).all(|k| sigma(k) <= MAX_POSITION_SIGMA_M)
             && (3..6).all(|k| sigma(k) <= MAX_ATTITUDE_SIGMA_RAD);
@@ -200,7 +200,7 @@ impl Prior {
         };
         let place_of = |tag: &TagPoints| Some(frame.points.get(tag.range.start)?.place_idx);
         let places = tags.iter().map(place_of).collect::<Option<Vec<_>>>()?;
-        JointPrior::new(state, errors, &motion, sigma_s, places).map(Box::new).map(Self::Placed)
+        JointPrior::new(state, errors, &motion, sigma_s, &places).map(Box::new).map(Self::Placed)
     }
 
     /// What the points of the k-th tag say that pass their gates against the state.

@@ -374,8 +374,8 @@ pub fn fuse(
         nis_gate: chi2_gate_99(2 * frame.points.len()),
         sigma_factor: 1.0,
     };
-    if let Some(errors) = state.places.clone() {
-        let gain = placed::fuse(state, &errors, &view, frame, &mut outcome);
+    if state.places.is_some() {
+        let gain = placed::fuse(state, &view, frame, &mut outcome);
         outcome.is_fused = gain.is_some();
         return (outcome, gain);
     }

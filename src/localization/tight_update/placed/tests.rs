@@ -3,11 +3,12 @@
 use super::super::tests::{RATE, frame, state};
 use super::super::{self as tight_update, Projector};
 use super::*;
+use crate::localization::place_errors::PlaceErrors;
 use crate::localization::propagation::Error;
 use crate::messages::ImuSample;
 use crate::stats::{Noise, SeedBook};
 use crate::time::Stamp;
-use nalgebra::Vector3;
+use nalgebra::{DMatrix, DVector, Vector3};
 use std::time::Duration;
 
 const SIGMA_M: f64 = 0.005;
@@ -19,12 +20,12 @@ fn owing(noise: &mut Noise, scale: f64) -> FilterState {
     let mut state = state(noise, scale);
     let mut errors = PlaceErrors::new(SIGMA_M).expect("a map with errors");
     let share = |noise: &mut Noise| Share::from_fn(|_, _| 0.3 * noise.normal());
-    errors.add((0..N_PLACES).map(|place| (place, share(noise))).collect::<Vec<_>>().into_iter());
+    errors.add(&(0..N_PLACES).map(|place| (place, share(noise))).collect::<Vec<_>>());
     state.places = Some(errors);
     state
 }
 
-/// cov(e, τ_0 … τ_n) and cov(τ), as one matrix of 15 + 3 n rows.
+/// `cov(e, τ_0 … τ_n)` and cov(τ), as one matrix of 15 + 3 n rows.
 fn dense(state: &FilterState) -> DMatrix<f64> {
     let errors = state.places.as_ref().expect("places");
     let var_m2 = SIGMA_M * SIGMA_M;
@@ -59,9 +60,9 @@ fn joint_update_equals_the_dense_consider_filter() {
         let mut said = vec![Information::none(); 10];
         seen.iter().for_each(|(place, residual)| said[*place].add(residual, 1.0));
         let (motion, errors) = (view.motion(), before.places.clone().expect("places"));
-        let places = (0..10).collect();
+        let places: Vec<usize> = (0..10).collect();
         let prior =
-            JointPrior::new(&before, &errors, &motion, capture_sigma_s, places).expect("regular");
+            JointPrior::new(&before, &errors, &motion, capture_sigma_s, &places).expect("regular");
         let posterior = prior.posterior(&said).expect("regular");
         let gain = apply(&mut joint, &posterior, &motion, capture_sigma_s, &said);
 
@@ -110,7 +111,7 @@ fn joint_update_equals_the_dense_consider_filter() {
         // The squares that are left, and those of ẑ, are the innovation's squares in all.
         let left: f64 =
             said.iter().enumerate().map(|(k, s)| s.left_at(&posterior.view(k)).squares).sum();
-        let found = left + posterior.z.norm_squared();
+        let found = left + posterior.squares;
         assert!((found - nis).abs() < 1e-6 * nis, "{found} and {nis}");
 
         // A tag left out, against an update that never heard it.
@@ -119,7 +120,7 @@ fn joint_update_equals_the_dense_consider_filter() {
             others[k] = Information::none();
             let without = prior.posterior(&others).expect("regular");
             let (d, cov) = posterior.view_without(k, &said[k]).expect("regular");
-            let expected = without.cov_through(&prior.W_of(k));
+            let expected = without.view_cov(k);
             assert!((d - without.view(k)).norm() < 1e-8, "tag {k}");
             assert!((cov - expected).amax() < 1e-6 * expected.amax(), "tag {k}");
         }
