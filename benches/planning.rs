@@ -79,7 +79,7 @@ fn request(settings: Settings, belief: Belief, pending: Vec<Waypoint>) -> PlanRe
     let free_space = FreeSpace::evaluate(&settings, &[camera()], &marker_map(), 0.5);
     PlanRequest {
         n_waypoints: settings.n_steps,
-        longest_m: f64::INFINITY,
+        longest_m: None,
         over_home: None,
         free_space: Arc::new(free_space),
         lidar: lidar(),

@@ -521,7 +521,7 @@ impl Pilot {
         let whole = self.accounts.first();
         // The way home ends with what the mission would return on.
         let reserve_ratio = self.settings.mission.return_battery_ratio;
-        let reach_m = self.energy.reach_m(reserve_ratio).unwrap_or(f64::INFINITY);
+        let reach_m = self.energy.reach_m(reserve_ratio);
         let over_home = self.home.map(|home| self.above(&home).place);
         let facts = PlanFacts { from, whole, reach_m, over_home, now: self.now };
         if let Some(request) = self.route.plan.plan_due(&facts, &self.mapper, lidar) {

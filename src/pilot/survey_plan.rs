@@ -48,7 +48,7 @@ pub(super) struct PlanFacts<'a> {
     /// The newest account of the whole region.
     pub(super) whole: Option<&'a VolumeAccount>,
     /// How far the battery reaches, the way home included, m.
-    pub(super) reach_m: f64,
+    pub(super) reach_m: Option<f64>,
     /// Where the way home ends.
     pub(super) over_home: Option<Point<Hall>>,
     pub(super) now: Stamp<Mono>,
@@ -155,7 +155,7 @@ impl SurveyPlan {
             settings: self.settings.clone(),
             current: self.ahead.iter().skip(n_pending).copied().collect(),
             n_waypoints: self.settings.n_steps.saturating_sub(self.steps_done + n_pending),
-            longest_m: (reach_m - pending_m).max(0.0),
+            longest_m: reach_m.map(|reach_m| (reach_m - pending_m).max(0.0)),
             over_home,
             pending,
             free_space: Arc::clone(&self.free_space),

@@ -66,10 +66,16 @@ mod tests {
             seen_ratio(&heights, &origin, &Vector2::new(x_m, 0.5), 0.7)
         };
         // From 4 m over x = 1 m the ray over the wall's top at x = 5 m meets the floor at x = 9 m.
-        assert_eq!([3.0, 4.5, 6.0, 7.5].map(|x_m| seen(4.0, x_m)), [1.0, 1.0, 0.0, 0.0]);
-        assert_eq!([8.5, 9.6].map(|x_m| seen(4.0, x_m)), [0.0, 0.7]);
+        let is = |(height_m, x_m): (f64, f64), ratio: f64| {
+            assert!((seen(height_m, x_m) - ratio).abs() < 1e-12, "{height_m} m, x = {x_m} m");
+        };
+        [3.0, 4.5].iter().for_each(|x_m| is((4.0, *x_m), 1.0));
+        [6.0, 7.5, 8.5].iter().for_each(|x_m| is((4.0, *x_m), 0.0));
+        is((4.0, 9.6), 0.7);
         // From 16 m the shadow is less than 0.6 m long.
-        assert_eq!([6.0, 8.5].map(|x_m| seen(16.0, x_m)), [1.0, 0.7]);
-        assert_eq!(seen(4.0, 12.0), 0.0, "off the map");
+        is((16.0, 6.0), 1.0);
+        is((16.0, 8.5), 0.7);
+        // Off the map.
+        is((4.0, 12.0), 0.0);
     }
 }

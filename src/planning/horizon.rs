@@ -52,7 +52,7 @@ impl Planner for Horizon {
             search::improve(&mut scene, starts, N_AGAIN)
         };
         let Some(best) = best else {
-            let is_out_of_reach = request.longest_m.is_finite();
+            let is_out_of_reach = request.longest_m.is_some();
             return Plan::nothing(if is_out_of_reach {
                 PlanEnd::Budget
             } else {

@@ -53,8 +53,9 @@ pub struct PlanRequest {
     pub current: Vec<Waypoint>,
     /// Most waypoints that may follow the pending ones.
     pub n_waypoints: usize,
-    /// Most metres that may follow the last pending waypoint, the way home included.
-    pub longest_m: f64,
+    /// Most metres that may follow the last pending waypoint, the way home included; as many as there are
+    /// if nothing limits them.
+    pub longest_m: Option<f64>,
     /// Where the way home ends.
     pub over_home: Option<Point<Hall>>,
     /// Where a fix is good enough.

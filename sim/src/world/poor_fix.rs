@@ -17,7 +17,7 @@ pub(super) fn left_over(seeds: SeedBook, hall: &Cuboid, tags: Vec<PlacedTag>) ->
     let is_left = |tag: &PlacedTag| {
         let faces_back = tag.normal.coords.x < -0.5;
         let faces_low_y = tag.normal.coords.y < -0.5;
-        !faces_low_y && !(faces_back && tag.centre().coords.y > bare_from_m)
+        !(faces_low_y || (faces_back && tag.centre().coords.y > bare_from_m))
     };
     tags.into_iter().filter(is_left).collect()
 }

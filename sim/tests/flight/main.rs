@@ -3,6 +3,7 @@
 #![expect(clippy::expect_used, reason = "a helper of tests stops where its premise fails")]
 
 mod faults;
+mod hollows;
 mod merge;
 mod paper;
 mod parallel;

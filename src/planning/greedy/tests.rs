@@ -14,7 +14,7 @@ fn request(pending: Vec<Waypoint>) -> PlanRequest {
     let settings = Settings { planner: PlannerKind::Greedy, yaw_rad: 0.0, ..hall_settings() };
     PlanRequest {
         n_waypoints: settings.n_steps,
-        longest_m: f64::INFINITY,
+        longest_m: None,
         over_home: None,
         free_space: Arc::new(space_of(&settings, &marker_map(|_| true))),
         lidar: LidarMount {
@@ -71,7 +71,9 @@ impl Reference {
         }
     }
 
-    /// r = [σ_t σ_t 1] Σ^m [σ_t σ_t 1]ᵀ + σ_t² (e^{s/l} − 1), σ² ← (1 − K) σ².
+    /// ```text
+    /// r = [σ_t σ_t 1] Σ^m [σ_t σ_t 1]ᵀ + σ_t² (e^{s/l} − 1), σ² ← (1 − K) σ²
+    /// ```
     fn hit(&mut self, x: f64, y: f64, (angle, range_m): &(f64, f64), cov: &Matrix6<f64>) {
         let (slope, length_m, reach) = (0.6, 0.5, 1.5);
         let (sin, cos) = angle.sin_cos();

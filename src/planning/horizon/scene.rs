@@ -147,12 +147,17 @@ impl<'a> Scene<'a> {
         Arc::new(self.sight.on_way(self.field, free_space, self.heights.as_ref(), (from, to)))
     }
 
+    /// True if the battery lasts for these waypoints, the last of which is given, and the way home.
+    pub(super) fn is_within_reach(&self, waypoints: &[Waypoint], last: &Waypoint) -> bool {
+        let needed_m = self.length_m(waypoints) + self.way_home_m(last);
+        self.request.longest_m.is_none_or(|longest_m| needed_m <= longest_m)
+    }
+
     /// The path of these waypoints; legs that it shares with `like` are taken from there. None if it
     /// leaves the free space or is too long.
     pub(super) fn path(&mut self, waypoints: Vec<Waypoint>, like: Option<&Path>) -> Option<Path> {
         let length_m = self.length_m(&waypoints);
-        let last = waypoints.last()?;
-        if length_m + self.way_home_m(last) > self.request.longest_m {
+        if !self.is_within_reach(&waypoints, waypoints.last()?) {
             return None;
         }
         let mut from = self.start;

@@ -68,8 +68,7 @@ fn shortest_part(
     mut waypoints: Vec<Waypoint>,
     best: &[Path],
 ) -> Option<Path> {
-    while scene.length_m(&waypoints) + scene.way_home_m(waypoints.last()?) > scene.request.longest_m
-    {
+    while !scene.is_within_reach(&waypoints, waypoints.last()?) {
         waypoints.pop();
     }
     let worst = best.get(N_BEST - 1).map_or(f64::INFINITY, |path| path.score);

@@ -69,7 +69,7 @@ fn request(settings: Settings, obstacles: Vec<Solid>) -> PlanRequest {
     let start = Waypoint { place: Point::new(2.0, 1.5, settings.height_m), yaw_rad: 0.0 };
     PlanRequest {
         n_waypoints: settings.n_steps,
-        longest_m: f64::INFINITY,
+        longest_m: None,
         over_home: Some(start.place),
         free_space: Arc::new(space_of(&settings, &marker_map(|_| true))),
         lidar: lidar(),
@@ -176,14 +176,14 @@ fn nothing_is_planned_once_the_volume_is_sure_enough_or_the_battery_low() {
     let plan = done.run();
     assert_eq!((plan.waypoints.len(), plan.end), (0, PlanEnd::Target));
     let mut low = request(settings(), Vec::new());
-    low.longest_m = 14.0;
+    low.longest_m = Some(14.0);
     let plan = low.run();
     let way_m: f64 = low.pending[0].distance_m(&plan.waypoints[0])
         + plan.waypoints.windows(2).map(|pair| pair[0].distance_m(&pair[1])).sum::<f64>();
     let last = plan.waypoints.last().expect("a plan");
     let home_m = last.distance_m(&low.pending[0]);
     assert!(way_m + home_m <= 14.0 + 1e-9, "{way_m} m and {home_m} m home");
-    low.longest_m = 0.3;
+    low.longest_m = Some(0.3);
     assert_eq!(low.run(), Plan::nothing(PlanEnd::Budget));
 }
 
