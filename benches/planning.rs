@@ -254,7 +254,6 @@ fn free(c: &mut Criterion) {
     let axes = *space.quality().axes();
     let mut group = c.benchmark_group("free_space");
     group.sample_size(10);
-    println!("{} nodes", axes.n_nodes());
     group.bench_function("node", |b| {
         let pose = axes.waypoint(axes.index([12, 12, 1, 0])).level_pose();
         b.iter(|| space.quality().sensing().fix_cov(black_box(&pose)));
