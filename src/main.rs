@@ -252,7 +252,7 @@ fn print_plan(line: &PlanLine, as_json: bool) -> anyhow::Result<()> {
 async fn fly(config: &Config) -> anyhow::Result<ExitCode> {
     let stop = CancellationToken::new();
     let around = Surroundings { clock: Clock::real(), stop: stop.clone(), waits_for_disk: false };
-    let onboard = Onboard::start(config, around).await?;
+    let onboard = Box::pin(Onboard::start(config, around)).await?;
     tracing::info!(log = %onboard.log().display(), "recording");
     tokio::select! {
         signal = wait_for_signal() => {
