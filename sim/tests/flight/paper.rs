@@ -120,7 +120,7 @@ fn a_comparison_on_two_cores_equals_that_on_one_but_for_the_clock() {
     assert_eq!(compared.runs.len(), 2);
     for run in &compared.runs {
         assert!(run.has_ended && !run.has_collided && run.path_m > 1.0, "{run:?}");
-        assert_eq!(run.n_plans > 0, run.planner == "greedy", "{run:?}");
+        assert!(run.n_plans > 0, "{run:?}");
         assert!(run.final_charge_ratio > 0.5 && run.final_charge_ratio < 1.0, "{run:?}");
         // A quadrotor of this size draws 150 to 400 W.
         if let (Some(wh), Some(s)) = (run.energy_to_target_wh, run.time_to_target_s) {
