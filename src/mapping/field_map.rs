@@ -272,7 +272,7 @@ impl SolveField {
                     continue;
                 }
                 if let Some(surface_m) = at.known_surface_m(&datum.row) {
-                    data.residuals.push(&datum, surface_m);
+                    data.residuals.push(footprint.error.at, &datum, surface_m);
                 }
                 data.info.add(&datum.row, datum.height_m, datum.weight_per_m2);
             }
