@@ -2,7 +2,7 @@
 //!
 //! [`free_space`] says where the vehicle may be and still know where it is: [`clearance`] is its
 //! geometry, [`quality_grid`] its fixes. Planners ([`planner`]) choose waypoints there:
-//! [`square_wave`], [`greedy`] and [`horizon`], the default. [`trajectory`] joins them within the
+//! [`square_wave`], the default, [`greedy`] and [`horizon`]. [`trajectory`] joins them within the
 //! airframe's bounds.
 
 pub mod clearance;
@@ -27,12 +27,12 @@ use crate::units::wrapped_rad;
 /// Who chooses the waypoints.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum PlannerKind {
-    /// Parallel legs at equal distance, the baseline.
+    /// Parallel legs at equal distance.
+    #[default]
     SquareWave,
     /// The paper's: always the next waypoint that leaves the smallest σ^V.
     Greedy,
     /// Whole paths, scored by the σ^V that they leave.
-    #[default]
     Horizon,
 }
 

@@ -24,7 +24,7 @@ pub struct ScenarioArgs {
     #[arg(long, default_value = "alps")]
     pub world: String,
     /// Who chooses the waypoints.
-    #[arg(long, value_enum, default_value_t = Planner::Horizon)]
+    #[arg(long, value_enum, default_value_t = Planner::SquareWave)]
     pub planner: Planner,
     /// Metres in the hall per unit of length in the grid file.
     #[arg(long, default_value_t = 0.001)]
@@ -48,7 +48,7 @@ pub struct ScenarioArgs {
     /// climb takes longer than a take-off may.
     #[arg(long, value_name = "M_PER_S")]
     pub cruise_mps: Option<f64>,
-    /// Distance of neighbouring legs of the square wave, m; left out, the best is looked for.
+    /// Distance of neighbouring legs of the square wave, m; left out, 5 m, or with a target the best.
     #[arg(long, value_name = "M")]
     pub leg_spacing_m: Option<f64>,
     /// The survey ends once σ^V is this share of V, %; left out, it flies all its steps.

@@ -434,7 +434,7 @@ pub struct PlanningSection {
     pub inset_m: f64,
     /// The survey ends once σ^V is this share of V, %; left out, it flies all its waypoints.
     pub target_percent: Option<f64>,
-    /// Distance of neighbouring legs of the square wave, m; left out, the best is looked for.
+    /// Distance of neighbouring legs of the square wave, m; left out, 5 m, or with a target the best.
     pub leg_spacing_m: Option<f64>,
     /// How far the greedy planner looks, R, m.
     pub step_radius_m: f64,
@@ -468,7 +468,7 @@ pub struct PlanningSection {
 impl Default for PlanningSection {
     fn default() -> Self {
         Self {
-            planner: PlannerName::Horizon,
+            planner: PlannerName::SquareWave,
             n_steps: 50,
             height_m: 7.0,
             yaw_deg: 0.0,

@@ -16,12 +16,18 @@ use crate::geometry::Point;
 #[derive(Debug, Clone, Copy)]
 pub struct SquareWave;
 
+/// Distance of the legs where neither a distance nor a target is configured, m: from two legs every
+/// hollow is seen from either side.
+const LEG_SPACING_M: f64 = 5.0;
+
 impl Planner for SquareWave {
-    /// The whole square wave: of the configured spacing, or the one with the spacing, direction,
-    /// margins and corner that are predicted to serve best.
+    /// The whole square wave: of the configured spacing, or if a target is to be reached the one with
+    /// the spacing, direction, margins and corner that are predicted to serve best.
     fn plan(&self, request: &PlanRequest) -> Plan {
-        let (wave, prediction) = match request.settings.leg_spacing_m {
-            Some(spacing_m) => (waypoints(&request.settings, spacing_m), None),
+        let settings = &request.settings;
+        let whole_hall_m = settings.target_ratio.is_none().then_some(LEG_SPACING_M);
+        let (wave, prediction) = match settings.leg_spacing_m.or(whole_hall_m) {
+            Some(spacing_m) => (waypoints(settings, spacing_m), None),
             None => match best_square_wave(request) {
                 Some((corners, prediction)) => {
                     (in_steps(&corners, request.n_waypoints), Some(prediction))
