@@ -25,7 +25,7 @@
 //!
 //! A rolling shutter moves each corner's pose by velocity and rate times its row's offset. The
 //! errors of both are left out there: 0.05 m/s over 10 ms is half a millimetre.
-//! Where tags may hang beside their mapped places: [`placed`].
+//! Where tags may hang beside their mapped places: `placed`.
 //! Checked: `compressed_update_equals_the_stacked_one`, `tests/consistency`.
 #![expect(non_snake_case, reason = "matrices carry the letters of the equations")]
 

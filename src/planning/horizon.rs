@@ -8,8 +8,8 @@
 //! flying is not worth while. Every path is scored by the σ^V that it would leave on a coarse lattice
 //! ([`crate::mapping::belief`]), the fix quality on the way included.
 //!
-//! Seeds are square waves of many spacings, directions, margins and corners ([`seeds`]) and the rest of
-//! the present plan; the best go through a local search over their waypoints ([`search`]). Volume
+//! Seeds are square waves of many spacings, directions, margins and corners (`seeds`) and the rest of
+//! the present plan; the best go through a local search over their waypoints (`search`). Volume
 //! variance is not submodular, so looking one step ahead has no guarantee, and measures worst.
 
 mod path;
