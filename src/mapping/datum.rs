@@ -14,7 +14,7 @@
 //! - `g`: how the reported height answers a shift of the hit, from the newest surface
 //! - `n`: beams of the patch; `σ_ε`: roughness below the cell size (the nugget), m
 //! - `σ_r`: slope that the surface does not resolve, `2 σ_ε/cell`; `σ_t` before there is a surface
-//! - the height is that of the hit less half of what may hide in hollows ([`super::roughness`])
+//! - the height is that of the hit less a part of what may hide in hollows ([`super::roughness`])
 //! - `Σ^χ`: covariance of the pose error, 6×6; `Σ_xx + Σ_yy`: horizontal variance of the hit, m²
 //!
 //! Checked: `derivatives_match_moved_hits`.
