@@ -16,9 +16,13 @@ use super::datum::{Linearization, Turn};
 use super::disturbance::{Flagged, Levels, Undisturbed};
 use super::footprint::{Footprint, Patch};
 use super::grid_map::Bays;
+use super::hidden_ground::HiddenGround;
 use super::mapper::SolvedSurface;
-use super::matern_field::{self, FieldError, Information, Lattice, Prior, Solution, Solver};
+use super::matern_field::{
+    self, Adjoint, FieldError, Information, Lattice, Prior, Solution, Solver,
+};
 use super::projection::LidarMount;
+use super::ray_ceiling::RayCeiling;
 use super::roughness::Residuals;
 use super::shares::SeenCells;
 use crate::messages::{BudgetRow, BudgetSource, GridGeometry, HeightMap};
@@ -77,6 +81,8 @@ pub struct NewestField {
     pub is_known: Vec<bool>,
     /// How far the patches of a square scatter about each other, m.
     pub scatter_m: f64,
+    /// What is known of ground that no beam reached.
+    pub hidden: HiddenGround,
 }
 
 /// The turns of a flight, and the newest surface.
@@ -85,6 +91,7 @@ pub struct FieldMap {
     setup: Arc<Setup>,
     footprints: Vec<Arc<Footprint>>,
     levels: Arc<Levels>,
+    ceiling: Arc<RayCeiling>,
     newest: Option<Arc<NewestField>>,
 }
 
@@ -92,13 +99,16 @@ impl FieldMap {
     /// A map without a turn.
     #[must_use]
     pub fn new(setup: Arc<Setup>) -> Self {
-        let levels = setup.levels();
-        Self { setup, footprints: Vec::new(), levels, newest: None }
+        let (levels, ceiling) = (setup.levels(), setup.ceiling());
+        Self { setup, footprints: Vec::new(), levels, ceiling, newest: None }
     }
 
     /// Takes in a turn.
     pub fn push(&mut self, mut footprint: Footprint) {
         Arc::make_mut(&mut self.levels).take(&self.setup.lattice, &mut footprint);
+        if let Some(lidar) = self.setup.lidars.get(footprint.lidar_idx) {
+            Arc::make_mut(&mut self.ceiling).take(&self.setup.lattice, lidar, &footprint);
+        }
         self.footprints.push(Arc::new(footprint));
     }
 
@@ -117,6 +127,7 @@ impl FieldMap {
     pub fn restart(&mut self) {
         self.footprints.clear();
         self.levels = self.setup.levels();
+        self.ceiling = self.setup.ceiling();
         self.newest = None;
     }
 
@@ -130,6 +141,7 @@ impl FieldMap {
         let kept = std::mem::take(&mut self.footprints).into_iter().filter(is_kept);
         // Levels are sorted turn by turn: those of wrong poses must not judge the later ones.
         self.levels = self.setup.levels();
+        self.ceiling = self.setup.ceiling();
         for footprint in kept.collect::<Vec<_>>() {
             self.push(Arc::unwrap_or_clone(footprint));
         }
@@ -171,6 +183,7 @@ impl FieldMap {
             setup: Arc::clone(&self.setup),
             footprints: self.footprints.clone(),
             levels: Arc::clone(&self.levels),
+            ceiling: Arc::clone(&self.ceiling),
             newest: self.newest.clone(),
             is_final,
         }
@@ -184,6 +197,7 @@ pub struct SolveField {
     setup: Arc<Setup>,
     footprints: Vec<Arc<Footprint>>,
     levels: Arc<Levels>,
+    ceiling: Arc<RayCeiling>,
     newest: Option<Arc<NewestField>>,
     is_final: bool,
 }
@@ -202,6 +216,10 @@ struct Round {
     data: Data,
     /// The surface whose slopes the data were linearised with.
     before: Option<NewestField>,
+    /// What the solution knew of hidden ground.
+    hidden: HiddenGround,
+    /// Variance of the height at every node, m², where it was affordable.
+    var_m2: Option<Vec<f64>>,
     newest: NewestField,
 }
 
@@ -228,31 +246,75 @@ impl SolveField {
         self.account(&turns, &n_patches, round)
     }
 
-    /// One solution with the slopes of the one before.
+    /// One solution with the slopes of the one before; after landing, what hides behind crests is
+    /// settled in it.
     fn round(
         &self,
         turns: &[Arc<Footprint>],
         n_patches: &[u32],
         before: Option<&NewestField>,
     ) -> Result<Round, FieldError> {
-        let data = self.gather(turns, &self.setup.linearization(n_patches, before));
-        let solution = matern_field::solve(
-            &self.setup.lattice,
-            &self.setup.settings.prior(),
-            &data.info,
-            Solver::Automatic,
-            before.map(|before| before.heights_m.as_slice()),
-        )?;
-        let is_known = (0..self.setup.lattice.n_nodes())
+        let setup = &self.setup;
+        let at = setup.linearization(n_patches, before);
+        let data = self.gather(turns, &at);
+        let is_known: Vec<bool> = (0..setup.lattice.n_nodes())
             .map(|node| data.info.n_hits(node) >= KNOWN_FROM_PATCHES)
             .collect();
-        let scatter_m = data.residuals.scatter_m().or(before.map(|before| before.scatter_m));
-        let newest = NewestField {
-            heights_m: solution.height_m().to_vec(),
-            is_known,
-            scatter_m: scatter_m.unwrap_or(0.0),
-        };
-        Ok(Round { solution, data, before: before.cloned(), newest })
+        let ceiling_m =
+            |node: usize| if is_known[node] { None } else { self.ceiling.at_node_m(node) };
+        let softness_m = at.ceiling_softness_m();
+        // In flight the newest conditions are good enough, and are renewed for the next solve.
+        let n_sweeps = if self.is_final { FINAL_SWEEPS } else { 1 };
+        let start = before.or(self.newest.as_deref());
+        let mut hidden = start.map_or_else(HiddenGround::default, |start| {
+            start.hidden.among(|node| ceiling_m(node).is_some())
+        });
+        let mut sweep = 1;
+        loop {
+            let solution = self.solution(&data.info, &hidden, before)?;
+            let var_m2 = self.var_m2(&solution);
+            let (next, step) = match &var_m2 {
+                Some(var_m2) => hidden.renewed(solution.height_m(), var_m2, ceiling_m, softness_m),
+                None => (hidden.clone(), 0.0),
+            };
+            if sweep == n_sweeps || step < SETTLED_SIGMAS {
+                let scatter_m = data.residuals.scatter_m().or(before.map(|b| b.scatter_m));
+                let newest = NewestField {
+                    heights_m: solution.height_m().to_vec(),
+                    is_known,
+                    scatter_m: scatter_m.unwrap_or(0.0),
+                    hidden: next,
+                };
+                return Ok(Round {
+                    solution,
+                    data,
+                    before: before.cloned(),
+                    hidden,
+                    var_m2,
+                    newest,
+                });
+            }
+            hidden = next;
+            sweep += 1;
+        }
+    }
+
+    /// The field given the data and what is known of hidden ground.
+    fn solution(
+        &self,
+        info: &Information,
+        hidden: &HiddenGround,
+        before: Option<&NewestField>,
+    ) -> Result<Solution, FieldError> {
+        let mut info = info.clone();
+        hidden.add_to(&mut info);
+        matern_field::solve(
+            &self.setup.lattice,
+            &self.setup.settings.prior(),
+            &info,
+            Solver::Automatic,
+            before.map(|before| before.heights_m.as_slice()),
+        )
     }
 
     /// Adds up what all turns know.
@@ -292,26 +354,33 @@ impl SolveField {
         let areas_m2 = setup.areas_m2();
         let adjoint = |of_bay: &Vec<f64>| round.solution.adjoint(of_bay, None);
         let adjoints = areas_m2.iter().map(adjoint).collect::<Result<Vec<_>, _>>()?;
+        let prior_vars_m6 = adjoints
+            .iter()
+            .map(|adjoint| self.prior_var_m6(&round.solution, adjoint))
+            .collect::<Result<Vec<_>, _>>()?;
         let q_m2: Vec<&[f64]> = adjoints.iter().map(|adjoint| adjoint.q.as_slice()).collect();
         let budgets = data_budgets(&turns.footprints, &at, &q_m2, &setup.settings.calibration);
         let mean_m = setup.lattice.on_cells(&round.newest.heights_m);
         let seen = setup.seen(&round.data.info, &turns.flagged);
         let range_m = setup.settings.range_m;
-        let solved = std::iter::zip(std::iter::zip(&areas_m2, &adjoints), budgets);
+        let adjoints = std::iter::zip(&adjoints, prior_vars_m6);
+        let solved = std::iter::zip(std::iter::zip(&areas_m2, adjoints), budgets);
         let accounts = std::iter::zip(setup.bays.iter(), solved)
-            .map(|(bay, ((areas_m2, adjoint), mut budget))| {
+            .map(|(bay, ((areas_m2, (adjoint, prior_var_m6)), mut budget))| {
                 let above_floor_m3 = round.solution.functional(areas_m2, adjoint);
                 let volume_m3 = above_floor_m3 - bay.base.above_floor_m3();
-                let prior = BudgetRow { source: BudgetSource::Prior, var_m6: adjoint.prior_var };
+                let prior = BudgetRow { source: BudgetSource::Prior, var_m6: prior_var_m6 };
                 budget.rows.insert(0, prior);
+                let var_m6 = round.hidden.var_m6(&adjoint.q);
+                budget.rows.push(BudgetRow { source: BudgetSource::HiddenGround, var_m6 });
                 if !bay.base.errors.is_empty() {
                     budget.push_shared(BudgetSource::Base, &bay.base.errors);
                 }
                 bay.account(self.at, (volume_m3, &mean_m), budget, &seen, range_m)
             })
             .collect();
-        let sigma_m =
-            setup.lattice.on_cells(&self.var_m2(&round)).iter().map(|var| var.sqrt()).collect();
+        let var_m2 = round.var_m2.unwrap_or_else(|| setup.own_var_m2(&round.data.info));
+        let sigma_m = setup.lattice.on_cells(&var_m2).iter().map(|var| var.sqrt()).collect();
         let grid = *setup.lattice.grid();
         let disturbed_cells = turns.flagged.cells().collect();
         let surface = HeightMap { at: self.at, grid, mean_m, sigma_m, disturbed_cells };
@@ -356,18 +425,20 @@ impl SolveField {
         }
     }
 
+    /// What the prior contributes to a volume's variance, m⁶: after landing as the data show it, in
+    /// flight, where that takes too long, as it was configured.
+    fn prior_var_m6(&self, solution: &Solution, adjoint: &Adjoint) -> Result<f64, FieldError> {
+        if self.is_final { solution.shown_prior_var(adjoint) } else { Ok(adjoint.prior_var) }
+    }
+
     /// Variance of the height at every node, m²: exact after landing and on maps that are solved by a
-    /// factor; in flight over larger ones, where the exact one takes gigabytes, and where the factor
-    /// does not fit into memory, what a node's own data leave of the prior. The volumes do not
-    /// depend on it.
-    fn var_m2(&self, round: &Round) -> Vec<f64> {
+    /// factor; none in flight over larger ones, where it takes gigabytes, and where the factor does
+    /// not fit into memory.
+    fn var_m2(&self, solution: &Solution) -> Option<Vec<f64>> {
         let n_nodes = self.setup.lattice.n_nodes();
         let is_direct = n_nodes <= Solver::MOST_NODES_DIRECT;
         let is_affordable = is_direct || self.is_final && n_nodes <= MOST_NODES_FINAL;
-        let exact = is_affordable.then(|| round.solution.marginal_var_m2().ok()).flatten();
-        let prior_info = self.setup.settings.sigma_m.powi(-2);
-        let own = |node| 1.0 / (prior_info + round.data.info.info_per_m2(node));
-        exact.unwrap_or_else(|| (0..n_nodes).map(own).collect())
+        is_affordable.then(|| solution.marginal_var_m2().ok()).flatten()
     }
 }
 
@@ -384,6 +455,10 @@ impl Settings {
     }
 }
 
+/// How often what hides behind crests is renewed after landing, at most …
+const FINAL_SWEEPS: usize = 8;
+/// … and it has settled when a node moves by less than this, in its σ.
+const SETTLED_SIGMAS: f64 = 0.05;
 /// Exact variances of more nodes than this take gigabytes: 500 × 500.
 const MOST_NODES_FINAL: usize = 250_000;
 /// A node may judge outliers from this much of a patch on.
@@ -449,6 +524,18 @@ impl Setup {
         let is_seen = |cell| info.n_hits(self.lattice.node_of_cell(cell)) >= SEEN_FROM_PATCHES;
         let is_seen: Vec<bool> = (0..grid.n_cells()).map(is_seen).collect();
         SeenCells::new(grid, &is_seen, flagged.clone())
+    }
+
+    /// What a node's own data leave of the prior's variance, m²: too little where neighbours know
+    /// more. The volumes do not depend on it.
+    fn own_var_m2(&self, info: &Information) -> Vec<f64> {
+        let prior_info = self.settings.sigma_m.powi(-2);
+        (0..info.n_nodes()).map(|node| 1.0 / (prior_info + info.info_per_m2(node))).collect()
+    }
+
+    /// No beam has passed over anything.
+    fn ceiling(&self) -> Arc<RayCeiling> {
+        Arc::new(RayCeiling::new(self.lattice.n_nodes()))
     }
 
     /// Nothing seen, so nothing moved.

@@ -1,5 +1,7 @@
 //! The posterior: heights, adjoints, variances, draws.
 
+mod shrinkage;
+
 use super::information::Information;
 use super::iterative::{Stop, conjugate_gradients, dot};
 use super::lattice::Lattice;
