@@ -26,6 +26,7 @@ pub mod footprint;
 pub mod grid_map;
 pub mod hidden_ground;
 pub mod kalman_grid;
+pub mod left_out;
 pub mod matern_field;
 pub mod matern_kernel;
 pub mod merge;
