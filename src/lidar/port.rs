@@ -1,8 +1,8 @@
 //! Opens serial devices, with errors that say what to do.
 
-use super::Settings;
+use super::Request;
 use serialport::{ErrorKind, SerialPort, TTYPort};
-use std::io;
+use std::io::{self, Write};
 use std::path::Path;
 use std::time::Duration;
 
@@ -50,14 +50,30 @@ pub enum OpenError {
 
 /// Opens the port for this process alone: 8 data bits, no parity, 1 stop bit, no flow control.
 ///
-/// The modem lines are left alone: LDROBOT sensors do not use them, and pseudo-terminals have none.
-pub(super) fn open(settings: &Settings) -> Result<TTYPort, OpenError> {
-    let baud = settings.effective_baud();
-    serialport::new(&settings.port, baud)
+/// The modem lines stay as the system sets them; sensors that care are asked to change them.
+pub(super) fn open(port: &str, baud: u32) -> Result<TTYPort, OpenError> {
+    serialport::new(port, baud)
         .timeout(READ_TIMEOUT)
         .open_native()
-        .map_err(|error| told(&error, &settings.port, baud))
+        .map_err(|error| told(&error, port, baud))
         .inspect(drop_stale_input)
+}
+
+/// Does what a sensor asks for on the line.
+///
+/// # Errors
+/// A line that does not take bytes any more.
+pub(super) fn fulfil(port: &mut TTYPort, request: &Request) -> io::Result<()> {
+    match request {
+        Request::Send(bytes) => port.write_all(bytes),
+        Request::SetDtr(level) => {
+            // Pseudo-terminals and some adapters have no modem lines: nothing to switch then.
+            if let Err(error) = port.write_data_terminal_ready(*level) {
+                tracing::debug!(%error, "the serial port has no DTR");
+            }
+            Ok(())
+        }
+    }
 }
 
 /// What the kernel kept from before cannot be stamped.
