@@ -14,6 +14,7 @@ use stockpilot_sim::campaign::{self, Witnessed};
 use stockpilot_sim::comparison::{self, ComparisonArgs};
 use stockpilot_sim::consistency::{self, ConsistencyArgs};
 use stockpilot_sim::fly::{self, FlyOptions};
+use stockpilot_sim::lidar::command::{self, LidarArgs};
 use stockpilot_sim::paper::{self, PaperArgs};
 use stockpilot_sim::parallel::{n_cores, run_in_order};
 use stockpilot_sim::report::{CampaignReport, RunReport};
@@ -37,6 +38,8 @@ enum Command {
     Consistency(ConsistencyArgs),
     /// The experiment of the paper: its pictures and its table.
     Paper(PaperArgs),
+    /// One emulated LiDAR on a pseudo-terminal, for any program.
+    Lidar(LidarArgs),
 }
 
 #[derive(Debug, Args)]
@@ -89,6 +92,7 @@ fn main() -> anyhow::Result<ExitCode> {
         Some(Command::Campaign(args)) => run_campaign(&args),
         Some(Command::Consistency(args)) => consistency::run(&args).map(|()| ExitCode::SUCCESS),
         Some(Command::Paper(args)) => paper::run(&args).map(|()| ExitCode::SUCCESS),
+        Some(Command::Lidar(args)) => command::run(&args).map(|()| ExitCode::SUCCESS),
         Some(Command::Fly(args)) => run_fly(&args),
         None => run_fly(&FlyArgs::parse_from(["fly"])),
     }

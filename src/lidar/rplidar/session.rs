@@ -27,8 +27,10 @@ const DESCRIPTOR_TIMEOUT: Duration = Duration::from_millis(300);
 const MOTOR_PWM: u16 = 660;
 /// Speed of the motor, turns/min.
 const MOTOR_RPM: u16 = 600;
-/// Firmware from which `GET_LIDAR_CONF` and scan modes exist.
+/// Firmware of the A series from which `GET_LIDAR_CONF` and scan modes exist; later series count
+/// their firmware anew and always had them.
 const CONF_FIRMWARE: (u8, u8) = (1, 24);
+const FIRST_SERIES_WITH_CONF: u8 = 4;
 /// Firmware from which express scans exist.
 const EXPRESS_FIRMWARE: (u8, u8) = (1, 17);
 /// No sensor has more modes; a damaged count is not followed further.
@@ -229,7 +231,7 @@ impl Rplidar {
 
     fn learn(&mut self, info: DeviceInfo) {
         self.info = Some(info);
-        if info.firmware >= CONF_FIRMWARE {
+        if info.firmware >= CONF_FIRMWARE || info.model >> 4 >= FIRST_SERIES_WITH_CONF {
             self.questions.extend([Query::ModeCount, Query::TypicalMode]);
         } else {
             let is_express = info.firmware >= EXPRESS_FIRMWARE;
