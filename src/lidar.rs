@@ -29,7 +29,7 @@ pub use assembler::{AssemblerStats, ScanAssembler};
 pub use detect::{Detector, Found, Probe};
 pub use driver::Driver;
 pub use model::{Family, Model, Spec};
-pub use port::OpenError;
+pub use port::{GOOD_LATENCY_MS, OpenError, latency_timer_ms};
 pub use sensor::{Counts, Identity, Packet, Request, Sample, Sensor, Trouble};
 pub use settings::{Settings, SettingsError};
 pub use status::{LidarHealth, LidarStats, LidarStatus, Rates};

@@ -4,7 +4,6 @@ use crate::calibration::{CalibrationErrors, CalibrationSigmas, ErrorSource};
 use crate::camera::CameraModel;
 use crate::hazards::Hazards;
 use crate::lidar::LidarModel;
-use stockpilot::lidar;
 use crate::machine::Machine;
 use crate::rig::Rig;
 use crate::world::{GridScale, World, WorldError};
@@ -13,6 +12,7 @@ use clap::{Args, ValueEnum};
 use std::ops::Range;
 use std::path::Path;
 use stockpilot::config::{PlannerName, SurfaceName, VolumeVarianceName};
+use stockpilot::lidar;
 use stockpilot::stats::SeedBook;
 
 /// Worlds that are made from a seed.

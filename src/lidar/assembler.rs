@@ -125,12 +125,7 @@ impl ScanAssembler {
         self.stats
     }
 
-    fn push_sample(
-        &mut self,
-        sample: Sample,
-        at: Stamp<Mono>,
-        on_scan: &mut impl FnMut(Scan),
-    ) {
+    fn push_sample(&mut self, sample: Sample, at: Stamp<Mono>, on_scan: &mut impl FnMut(Scan)) {
         if self.has_come_round(sample.clockwise_deg) {
             self.end_turn(on_scan);
         } else if at.since(self.scan.start) > MAX_SCAN_AGE {

@@ -52,6 +52,7 @@ impl Driver {
     ) -> Result<Self, OpenError> {
         let baud = settings.known_baud().unwrap_or(FIRST_BAUD);
         let port = port::open(&settings.port, baud)?;
+        port::warn_of_latency(&settings.port);
         let (status_tx, status) = watch::channel(LidarStatus::default());
         let cancel = cancel.child_token();
         let port_name = settings.port.clone();
@@ -181,7 +182,7 @@ impl<N: Fn() -> Stamp<Mono>> Reader<N> {
         self.read_until_ended(port)
     }
 
-    fn find_out(&self, port: &mut TTYPort) -> io::Result<Option<Found>> {
+    fn find_out(&mut self, port: &mut TTYPort) -> io::Result<Option<Found>> {
         let mut detector = Detector::new(self.settings.baud);
         let mut chunk = [0; CHUNK_BYTES];
         while !detector.is_exhausted() && !self.is_done() {
@@ -201,6 +202,7 @@ impl<N: Fn() -> Stamp<Mono>> Reader<N> {
                 Err(error) if is_only_slow(&error) => {}
                 Err(error) => return Err(error),
             }
+            self.tell(LidarHealth::Starting);
         }
         Ok(None)
     }

@@ -126,10 +126,9 @@ impl Model {
             Self::Ld06 => ldrobot("ld06", "LDROBOT LD06", 4_500, (0.02, 12.0)),
             Self::Ld19 => ldrobot("ld19", "LDROBOT LD19", 4_500, (0.02, 12.0)),
             Self::Stl19p => ldrobot("stl19p", "LDROBOT STL-19P", 5_000, (0.03, 12.0)),
-            Self::Stl27l => Spec {
-                baud: 921_600,
-                ..ldrobot("stl27l", "LDROBOT STL-27L", 21_600, (0.03, 25.0))
-            },
+            Self::Stl27l => {
+                Spec { baud: 921_600, ..ldrobot("stl27l", "LDROBOT STL-27L", 21_600, (0.03, 25.0)) }
+            }
             Self::RplidarA1 => {
                 rplidar("rplidar-a1", "Slamtec RPLIDAR A1", 7_874, 115_200, (0.15, 12.0))
             }

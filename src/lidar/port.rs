@@ -9,6 +9,9 @@ use std::time::Duration;
 /// A read returns after this long even if nothing came.
 pub(super) const READ_TIMEOUT: Duration = Duration::from_millis(50);
 
+/// A latency timer up to this blurs no stamps, ms.
+pub const GOOD_LATENCY_MS: u32 = 1;
+
 /// Why a serial port could not be opened.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum OpenError {
@@ -73,6 +76,28 @@ pub(super) fn fulfil(port: &mut TTYPort, request: &Request) -> io::Result<()> {
             }
             Ok(())
         }
+    }
+}
+
+/// How long the adapter behind a port may hold bytes back, ms; `None` if it has no such timer.
+///
+/// FTDI adapters have one, of 16 ms by default, which blurs the stamps of the beams.
+#[must_use]
+pub fn latency_timer_ms(port: &Path) -> Option<u32> {
+    let device = std::fs::canonicalize(port).ok()?;
+    let driver = Path::new("/sys/bus/usb-serial/devices").join(device.file_name()?);
+    std::fs::read_to_string(driver.join("latency_timer")).ok()?.trim().parse().ok()
+}
+
+/// Warns of an adapter that holds bytes back.
+pub(super) fn warn_of_latency(port: &str) {
+    if let Some(ms) = latency_timer_ms(Path::new(port)).filter(|ms| *ms > GOOD_LATENCY_MS) {
+        tracing::warn!(
+            port,
+            latency_timer_ms = ms,
+            "the lidar's adapter holds bytes back; set its latency timer to 1 ms with \
+             deploy/99-stockpilot.rules"
+        );
     }
 }
 

@@ -48,7 +48,9 @@ fn advance(bytes: &[u8], look: &mut impl FnMut(&[u8]) -> Look) -> usize {
     while at < bytes.len() {
         match look(&bytes[at..]) {
             Look::Wait => break,
-            Look::Skip(n_bytes) | Look::Take(n_bytes) => at = (at + n_bytes.max(1)).min(bytes.len()),
+            Look::Skip(n_bytes) | Look::Take(n_bytes) => {
+                at = (at + n_bytes.max(1)).min(bytes.len())
+            }
         }
     }
     at

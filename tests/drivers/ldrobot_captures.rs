@@ -59,9 +59,10 @@ fn chunking_changes_nothing_on_real_streams() {
 
 #[test]
 fn decoded_numbers_equal_the_published_table() {
-    let (Some(bytes), Some(table)) =
-        (capture("ldrobot/example3.0.txt"), capture("ldrobot/example3.0_first50_frames_decoded.csv"))
-    else {
+    let (Some(bytes), Some(table)) = (
+        capture("ldrobot/example3.0.txt"),
+        capture("ldrobot/example3.0_first50_frames_decoded.csv"),
+    ) else {
         return;
     };
     let (frames, _) = frames_of(&bytes, 4096);

@@ -100,6 +100,3 @@ fn sample_at(start: Stamp<Mono>, n: u64, samples_per_s: f64) -> Stamp<Mono> {
 fn whole(value: f64) -> u32 {
     value.round() as u32
 }
-
-#[cfg(test)]
-mod tests;

@@ -63,8 +63,7 @@ impl Head {
             return 0.0;
         }
         let (from, at) = self.switched;
-        let (target, time_s) =
-            if self.is_driven { (1.0, SPIN_UP_S) } else { (0.0, SPIN_DOWN_S) };
+        let (target, time_s) = if self.is_driven { (1.0, SPIN_UP_S) } else { (0.0, SPIN_DOWN_S) };
         target + (from - target) * (-now.since(at).as_secs_f64() / time_s).exp()
     }
 

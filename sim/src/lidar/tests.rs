@@ -306,7 +306,8 @@ fn slow_reader_loses_samples_and_the_loss_is_counted() {
 #[test]
 fn faults_damage_bytes() {
     let packets = packets(LidarModel::ld19(), 1);
-    let faults = LineFaults { corrupt_byte_ratio: 0.01, checks_speed: true, ..LineFaults::default() };
+    let faults =
+        LineFaults { corrupt_byte_ratio: 0.01, checks_speed: true, ..LineFaults::default() };
     let mut line = PtyLine::open(230_400, faults, SeedBook::new(1)).unwrap();
     let slave = reader(&line, 230_400);
     packets[..100].iter().for_each(|packet| line.send(&encode(packet), 12).unwrap());

@@ -166,11 +166,13 @@ impl BlockReader {
         }
         self.distances_mm.clear();
         let mut is_number = true;
-        self.distances_mm.extend(self.payload.as_chunks::<DISTANCE_CHARS>().0.iter().map(|three| {
-            let six = three.map(|byte| u32::from(byte.wrapping_sub(0x30)));
-            is_number &= six.iter().all(|six| *six < 64);
-            six[0] << 12 | six[1] << 6 | six[2]
-        }));
+        self.distances_mm.extend(self.payload.as_chunks::<DISTANCE_CHARS>().0.iter().map(
+            |three| {
+                let six = three.map(|byte| u32::from(byte.wrapping_sub(0x30)));
+                is_number &= six.iter().all(|six| *six < 64);
+                six[0] << 12 | six[1] << 6 | six[2]
+            },
+        ));
         is_number.then_some(())
     }
 }

@@ -239,9 +239,9 @@ impl Hokuyo {
         let text = match &state {
             b"00" | b"02" | b"98" | b"99" => None,
             b"10" => Some("the lidar does not light its laser".to_owned()),
-            [b'2'..=b'4', _] => Some(
-                "the lidar has stopped its scan; see whether its head turns freely".to_owned(),
-            ),
+            [b'2'..=b'4', _] => {
+                Some("the lidar has stopped its scan; see whether its head turns freely".to_owned())
+            }
             [b'5'..=b'9', _] => Some(
                 "the lidar reports a fault; take its power away for a moment, then have it \
                  repaired"

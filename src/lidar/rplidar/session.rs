@@ -287,7 +287,8 @@ impl Rplidar {
             }
             Query::ModeMaxDistance(id) => {
                 let Some(k) = mode(&mut self.modes, id) else { return true };
-                self.modes[k].max_distance_m = u32_of(value).map_or(0.0, |q8| f64::from(q8) / 256.0);
+                self.modes[k].max_distance_m =
+                    u32_of(value).map_or(0.0, |q8| f64::from(q8) / 256.0);
                 true
             }
             Query::ModeAnswer(id) => {

@@ -169,8 +169,7 @@ impl StreamParser {
                 }
             }
             Answer::Hq => scanner.feed(bytes, |rest| state.look_hq(rest, now, &mut on_nodes)),
-            _ => scanner
-                .feed(bytes, |rest| state.look_capsule(*answer, rest, now, &mut on_nodes)),
+            _ => scanner.feed(bytes, |rest| state.look_capsule(*answer, rest, now, &mut on_nodes)),
         }
     }
 }
@@ -296,13 +295,7 @@ impl State {
     }
 }
 
-fn decode(
-    answer: Answer,
-    pending: &Pending,
-    next: &[u8],
-    next_q6: u16,
-    nodes: &mut Vec<Node>,
-) {
+fn decode(answer: Answer, pending: &Pending, next: &[u8], next_q6: u16, nodes: &mut Vec<Node>) {
     let (bytes, start_q6) = (&pending.bytes[..], pending.start_q6);
     match answer {
         Answer::Legacy => legacy::decode(bytes, start_q6, next_q6, nodes),

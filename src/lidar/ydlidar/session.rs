@@ -190,8 +190,7 @@ impl Ydlidar {
         });
         if self.identity.is_none() && self.last_frame_at.is_some() {
             let name = self.model.full_name().to_owned();
-            self.identity =
-                Some(Identity { model: Some(self.model), name, ..Identity::default() });
+            self.identity = Some(Identity { model: Some(self.model), name, ..Identity::default() });
         }
     }
 }

@@ -230,9 +230,7 @@ impl Device for Ydlidar {
             return;
         }
         self.error = 0;
-        if self.wants_scan
-            && self.scan_start.is_none()
-            && self.head.share(until) >= SCAN_FROM_SHARE
+        if self.wants_scan && self.scan_start.is_none() && self.head.share(until) >= SCAN_FROM_SHARE
         {
             (self.scan_start, self.n_samples) = (Some(until), 0);
         }

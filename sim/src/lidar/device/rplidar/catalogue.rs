@@ -33,12 +33,7 @@ pub(super) struct Catalogue {
     typical: u16,
 }
 
-const fn mode(
-    name: &'static str,
-    period_us: f64,
-    max_distance_m: f64,
-    format: Format,
-) -> Mode {
+const fn mode(name: &'static str, period_us: f64, max_distance_m: f64, format: Format) -> Mode {
     Mode { name, period_us, max_distance_m, format }
 }
 
@@ -90,12 +85,7 @@ impl Catalogue {
 
     pub(super) fn info(&self) -> [u8; 20] {
         let mut info = [0; 20];
-        info[..4].copy_from_slice(&[
-            self.model,
-            self.firmware.1,
-            self.firmware.0,
-            self.hardware,
-        ]);
+        info[..4].copy_from_slice(&[self.model, self.firmware.1, self.firmware.0, self.hardware]);
         for (byte, serial) in info[4..].iter_mut().zip(0xA0..) {
             *byte = serial;
         }

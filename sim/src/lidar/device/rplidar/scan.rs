@@ -27,12 +27,7 @@ pub(super) struct Scan {
 }
 
 impl Scan {
-    pub(super) fn new(
-        format: Format,
-        period_us: f64,
-        angle_deg: f64,
-        start: Stamp<Mono>,
-    ) -> Self {
+    pub(super) fn new(format: Format, period_us: f64, angle_deg: f64, start: Stamp<Mono>) -> Self {
         Self {
             format,
             samples_per_s: 1e6 / period_us,
