@@ -46,7 +46,7 @@ enum Command {
 
 #[derive(Debug, Args)]
 struct DoctorArgs {
-    /// The configuration file; without it only serial ports and LiDARs are looked at.
+    /// The configuration file; without it only serial ports and sensors are looked at.
     #[arg(long)]
     config: Option<PathBuf>,
     /// Override a key of the file; may be given several times.

@@ -9,12 +9,13 @@ use stockpilot::messages::Verdict;
 use stockpilot::pilot::Action;
 use stockpilot::survey::accounts_table;
 use stockpilot::time::{Mono, Stamp};
+use stockpilot_sim::autopilot_command::{self, AutopilotArgs};
 use stockpilot_sim::camera::CameraArgs;
 use stockpilot_sim::campaign::{self, Witnessed};
 use stockpilot_sim::comparison::{self, ComparisonArgs};
 use stockpilot_sim::consistency::{self, ConsistencyArgs};
 use stockpilot_sim::fly::{self, FlyOptions};
-use stockpilot_sim::lidar::command::{self, LidarArgs};
+use stockpilot_sim::lidar::command::{self as lidar_command, LidarArgs};
 use stockpilot_sim::paper::{self, PaperArgs};
 use stockpilot_sim::parallel::{n_cores, run_in_order};
 use stockpilot_sim::report::{CampaignReport, RunReport};
@@ -40,6 +41,8 @@ enum Command {
     Paper(PaperArgs),
     /// One emulated LiDAR on a pseudo-terminal, for any program.
     Lidar(LidarArgs),
+    /// The stub autopilot as a program of its own, for clients that others wrote.
+    Autopilot(AutopilotArgs),
 }
 
 #[derive(Debug, Args)]
@@ -92,7 +95,8 @@ fn main() -> anyhow::Result<ExitCode> {
         Some(Command::Campaign(args)) => run_campaign(&args),
         Some(Command::Consistency(args)) => consistency::run(&args).map(|()| ExitCode::SUCCESS),
         Some(Command::Paper(args)) => paper::run(&args).map(|()| ExitCode::SUCCESS),
-        Some(Command::Lidar(args)) => command::run(&args).map(|()| ExitCode::SUCCESS),
+        Some(Command::Lidar(args)) => lidar_command::run(&args).map(|()| ExitCode::SUCCESS),
+        Some(Command::Autopilot(args)) => autopilot_command::run(&args).map(|()| ExitCode::SUCCESS),
         Some(Command::Fly(args)) => run_fly(&args),
         None => run_fly(&FlyArgs::parse_from(["fly"])),
     }

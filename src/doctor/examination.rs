@@ -35,7 +35,7 @@ impl Default for Patience {
 /// What is examined, and by which clock.
 #[derive(Debug)]
 pub struct Examination<'a> {
-    /// Everything that is configured; without it only ports and LiDARs are looked at.
+    /// Everything that is configured; without it only ports and sensors are looked at.
     pub config: Option<&'a Config>,
     /// Look at the LiDAR on this port only.
     pub port: Option<PathBuf>,

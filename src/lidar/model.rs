@@ -202,11 +202,10 @@ impl Model {
         let plain = |name: &str| name.to_ascii_lowercase().replace(['-', '_', ' '], "");
         let name = plain(name);
         let usual = match name.as_str() {
-            "rplidar" => Some(Self::RplidarA3),
+            "rplidar" | "rplidara3m1" => Some(Self::RplidarA3),
             "rplidara1m8" => Some(Self::RplidarA1),
             "rplidara2m8" => Some(Self::RplidarA2),
             "rplidara2m7" => Some(Self::RplidarA2m12),
-            "rplidara3m1" => Some(Self::RplidarA3),
             "ydlidar" => Some(Self::YdlidarX4),
             "hokuyo" => Some(Self::HokuyoUtm30lx),
             "hokuyourg04lxug01" => Some(Self::HokuyoUrg04lx),

@@ -25,7 +25,7 @@ impl Line for OneBit {
     fn carry(&mut self, mut bytes: Vec<u8>) -> Vec<u8> {
         self.n_frames += 1;
         let n_bytes = bytes.len() as u64;
-        if self.n_frames % 3 == 0 && n_bytes > 0 {
+        if self.n_frames.is_multiple_of(3) && n_bytes > 0 {
             let at = usize::try_from(self.noise.bits() % n_bytes).unwrap();
             bytes[at] ^= 1 << (self.noise.bits() % 8);
         }

@@ -1,4 +1,4 @@
-//! Drivers and emulators of LiDARs against each other, in virtual time.
+//! Drivers and emulators of scanners against each other, in virtual time.
 
 #![expect(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 

@@ -61,7 +61,6 @@ impl Line for Noisy {
 
 /// A sensor that has just got its power, its driver, and the room.
 pub(crate) struct Bench {
-    pub(crate) model: Model,
     pub(crate) device: Box<dyn Device>,
     pub(crate) sensor: Box<dyn Sensor>,
     pub(crate) assembler: ScanAssembler,
@@ -77,7 +76,6 @@ impl Bench {
         let mut sensor = sensor(model);
         sensor.restart(now);
         Self {
-            model,
             device: device(&exact, SeedBook::new(3), now, false),
             sensor,
             assembler: ScanAssembler::new(0),
@@ -121,7 +119,7 @@ impl Bench {
             })
             .collect();
         errors.sort_by(f64::total_cmp);
-        let at = |share: f64| errors[((errors.len() - 1) as f64 * share) as usize];
-        (errors.len(), at(0.5), at(0.99), at(1.0))
+        let at = |percent: usize| errors[(errors.len() - 1) * percent / 100];
+        (errors.len(), at(50), at(99), at(100))
     }
 }

@@ -141,12 +141,17 @@ fn a_sensor_that_pauses_starts_a_new_clock() {
     assert!((last.end().seconds() - 3.0 - 719.0 * PERIOD_NS * 1e-9).abs() < 1e-3);
 }
 
+#[expect(clippy::cast_possible_truncation, reason = "degrees")]
+fn single(deg: f64) -> f32 {
+    deg as f32
+}
+
 /// A triangulating sensor whose samples jump back by 9° where nothing came back.
 fn jumpy_packet(k: u32) -> Packet {
     let head_deg = |i: u32| f64::from(350 + 2 * (k * 10 + i)).rem_euclid(360.0);
-    let jump_deg = |i: u32| if (k * 10 + i) % 3 == 0 { -9.0 } else { 0.0 };
+    let jump_deg = |i: u32| if (k * 10 + i).is_multiple_of(3) { -9.0 } else { 0.0 };
     let sample = |i| crate::lidar::Sample {
-        clockwise_deg: (head_deg(i) + jump_deg(i)).rem_euclid(360.0) as f32,
+        clockwise_deg: single((head_deg(i) + jump_deg(i)).rem_euclid(360.0)),
         ..crate::lidar::Sample::default()
     };
     Packet {

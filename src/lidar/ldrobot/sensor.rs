@@ -5,6 +5,9 @@ use super::{FRAME_BYTES, FRAME_SAMPLES, Frame, Parser};
 use crate::lidar::{Counts, Identity, Model, Packet, Request, Sample, Sensor};
 use crate::time::{Mono, Stamp};
 
+#[expect(clippy::cast_possible_truncation, reason = "there are twelve")]
+const SAMPLES_IN_FRAME: u32 = FRAME_SAMPLES as u32;
+
 /// An LDROBOT sensor: it talks as soon as it has power and listens to nothing.
 #[derive(Debug, Clone)]
 pub struct Ldrobot {
@@ -49,8 +52,7 @@ impl Sensor for Ldrobot {
             packet.begin(now, FRAME_BYTES + n_bytes_after, model.sample_period());
             fill(packet, &frame);
             if let Some(previous) = previous {
-                packet.n_lost =
-                    (frames_between(previous, &frame, *model) - 1) * FRAME_SAMPLES as u32;
+                packet.n_lost = (frames_between(previous, &frame, *model) - 1) * SAMPLES_IN_FRAME;
                 packet.device_elapsed_s = Some(elapsed_s(previous, &frame));
             }
             *previous = Some(frame);

@@ -52,8 +52,10 @@ impl RawAngle {
 
     /// True if the head passes its front mark within `n_steps` steps from here.
     pub(super) const fn passes_mark(&self, n_steps: i32) -> bool {
-        let ahead = n_steps * self.step_q16;
-        (self.at_q16 + ahead) % TURN_Q16 < ahead
+        let ahead_q16 = n_steps * self.step_q16;
+        // Within a capsule the head goes on by less than a turn from a start within the turn.
+        let beyond_q16 = self.at_q16 + ahead_q16 - TURN_Q16;
+        (0 <= beyond_q16 && beyond_q16 < ahead_q16) || beyond_q16 >= TURN_Q16
     }
 
     pub(super) const fn advance(&mut self) {

@@ -19,6 +19,9 @@ pub(super) const SAMPLES: usize = 40;
 pub(super) const ULTRA_BYTES: usize = 170;
 /// Samples of an ultra-dense capsule.
 pub(super) const ULTRA_SAMPLES: usize = 64;
+/// Steps of the angle in each.
+const STEPS: i32 = 40;
+const ULTRA_STEPS: i32 = 64;
 /// Where the samples of an ultra-dense capsule begin.
 const ULTRA_DATA: usize = 10;
 
@@ -36,7 +39,7 @@ impl RisingEdge {
 
 /// The samples of a dense capsule, appended to `nodes`.
 pub(super) fn decode(capsule: &[u8], start_q6: u16, next_q6: u16, nodes: &mut Vec<Node>) {
-    let step_q16 = (advance_q8(start_q6, next_q6) << 8) / SAMPLES as i32;
+    let step_q16 = (advance_q8(start_q6, next_q6) << 8) / STEPS;
     let mut raw = RawAngle::new(start_q6, step_q16);
     let mut edge = RisingEdge::default();
     for sample in capsule[4..BYTES].as_chunks::<2>().0 {
@@ -48,7 +51,7 @@ pub(super) fn decode(capsule: &[u8], start_q6: u16, next_q6: u16, nodes: &mut Ve
 
 /// The samples of an ultra-dense capsule, appended to `nodes`.
 pub(super) fn decode_ultra(capsule: &[u8], start_q6: u16, next_q6: u16, nodes: &mut Vec<Node>) {
-    let step_q16 = (advance_q8(start_q6, next_q6) << 8) / ULTRA_SAMPLES as i32;
+    let step_q16 = (advance_q8(start_q6, next_q6) << 8) / ULTRA_STEPS;
     let mut raw = RawAngle::new(start_q6, step_q16);
     let mut edge = RisingEdge::default();
     for cabin in capsule[ULTRA_DATA..ULTRA_BYTES].as_chunks::<5>().0 {
@@ -70,13 +73,13 @@ pub(super) fn decode_ultra(capsule: &[u8], start_q6: u16, next_q6: u16, nodes: &
 /// Distance, mm, and strength of a word of 20 bits: the farther, the coarser.
 #[expect(clippy::cast_possible_truncation, reason = "the strength has eight bits at most")]
 const fn unpacked(word: u32) -> (u32, u8) {
-    let (dist_mm, quality) = match word & 3 {
-        0 => (((word & 0xFFC) >> 2) * 2, word >> 12),
-        1 => (((word & 0x1FFC) >> 2) * 3 + 2046, (word >> 13) << 1),
-        2 => (((word & 0x3FFC) >> 2) * 4 + 8187, (word >> 14) << 2),
-        _ => (((word & 0x7FFC) >> 2) * 5 + 24_567, (word >> 15) << 3),
-    };
-    (dist_mm, quality as u8)
+    /// First millimetre of each scale; the step is two and the scale, mm, and the range has ten
+    /// bits and the scale.
+    const FIRST_MM: [u32; 4] = [0, 2046, 8187, 24_567];
+    let scale = word & 3;
+    let steps = (word >> 2) & ((1 << (10 + scale)) - 1);
+    let dist_mm = steps * (2 + scale) + FIRST_MM[scale as usize];
+    (dist_mm, ((word >> (12 + scale)) << scale) as u8)
 }
 
 #[cfg(test)]

@@ -22,11 +22,11 @@ const NO_RETURN: [i32; 2] = [-512, 511];
 /// Quotient by which the correction is tabulated: 98361/d, for d ≥ 200 ¼ mm.
 const QUOTIENT: i32 = 98_361;
 const NEAREST_Q2: i32 = 50 * 4;
-const OFFSETS: usize = (QUOTIENT / NEAREST_Q2) as usize + 1;
+const OFFSETS: usize = 492;
 /// Correction, 2⁻¹⁶ °, by the quotient.
 const OFFSET_Q16: [i32; OFFSETS] = offset_table();
 /// Correction where nothing came back or the distance is below 50 mm, 2⁻¹⁶ °.
-const NEAR_OFFSET_Q16: i32 = degrees_q16((7.5 * SDK_PI * 65_536.0 / 180.0) as i32);
+const NEAR_OFFSET_Q16: i32 = degrees_q16(rad_q16(7.5));
 /// π as the SDK writes it, so that every truncation falls alike.
 #[expect(clippy::approx_constant, reason = "the vendor's digits decide the last bit")]
 const SDK_PI: f64 = 3.141_592_653_5;
@@ -39,13 +39,16 @@ const fn degrees_q16(rad_q16: i32) -> i32 {
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "the SDK truncates here, and so must this")]
+const fn rad_q16(deg: f64) -> i32 {
+    (deg * SDK_PI * 65_536.0 / 180.0) as i32
+}
+
 const fn offset_table() -> [i32; OFFSETS] {
     let mut table = [0; OFFSETS];
-    let mut k = 0_i32;
-    while (k as usize) < OFFSETS {
-        let mean = (8.0 * SDK_PI * 65_536.0 / 180.0) as i32;
-        table[k as usize] = degrees_q16(mean - (k << 6) - (k * k * k) / 98_304);
-        k += 1;
+    let (mut at, mut k) = (0, 0_i32);
+    while at < OFFSETS {
+        table[at] = degrees_q16(rad_q16(8.0) - (k << 6) - (k * k * k) / 98_304);
+        (at, k) = (at + 1, k + 1);
     }
     table
 }
@@ -74,13 +77,17 @@ pub(super) fn decode(
 
 fn node(dist_mm: i32, raw: &RawAngle) -> Node {
     let dist_q2 = dist_mm.max(0) << 2;
-    let offset_q16 = if dist_q2 >= NEAREST_Q2 {
-        let quotient = QUOTIENT.unsigned_abs() / dist_q2.unsigned_abs();
-        OFFSET_Q16[(quotient as usize).min(OFFSETS - 1)]
-    } else {
-        NEAR_OFFSET_Q16
-    };
+    let offset_q16 =
+        if dist_q2 >= NEAREST_Q2 { OFFSET_Q16[quotient(dist_q2)] } else { NEAR_OFFSET_Q16 };
     Node::untold(raw.at_q16 - offset_q16, dist_q2.unsigned_abs(), raw.passes_mark(1))
+}
+
+/// Whole quotient 98361/d. Floats divide faster; they are exact here, because no quotient lies
+/// nearer to a whole number from below than 1/d.
+#[expect(clippy::cast_possible_truncation, reason = "0 to 491")]
+#[expect(clippy::cast_sign_loss, reason = "0 to 491")]
+fn quotient(dist_q2: i32) -> usize {
+    ((f64::from(QUOTIENT) / f64::from(dist_q2)) as usize).min(OFFSETS - 1)
 }
 
 /// The three distances of a cabin, mm; negative ones are nonsense and become "no return".
@@ -114,6 +121,14 @@ const fn decoded(major: u32) -> (i32, u32) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn float_quotients_are_the_whole_ones() {
+        for dist_q2 in NEAREST_Q2..200_000 {
+            let expected = (QUOTIENT / dist_q2).unsigned_abs() as usize;
+            assert_eq!(quotient(dist_q2), expected, "{dist_q2}");
+        }
+    }
 
     #[test]
     fn scales_meet_at_their_borders() {

@@ -2,7 +2,6 @@
 
 use super::{Device, Frame, Mishap, whole};
 use crate::lidar::{LidarModel, Scene};
-use std::fmt::Write as _;
 use std::time::Duration;
 use stockpilot::stats::SeedBook;
 use stockpilot::time::{Mono, Stamp};
@@ -68,7 +67,8 @@ pub(super) struct Hokuyo {
     has_time_mode: bool,
     measuring: Option<Measuring>,
     is_held: bool,
-    is_faulty: bool,
+    /// State that it answers with once something inside has failed.
+    fault: Option<&'static str>,
 }
 
 impl Hokuyo {
@@ -83,7 +83,7 @@ impl Hokuyo {
             has_time_mode: false,
             measuring: None,
             is_held: false,
-            is_faulty: false,
+            fault: None,
         }
     }
 
@@ -105,8 +105,7 @@ impl Hokuyo {
             self.add_values(line, &mut text);
         }
         if line == "TM1" {
-            let time = coded(self.time_ms(now), 4);
-            let _ = writeln!(text, "{time}{}", sum(&time));
+            push_line(&mut text, &coded(self.time_ms(now), 4));
         }
         text.push('\n');
         self.answers.push(Frame::answer(text.into_bytes(), now.plus(THINKING)));
@@ -115,9 +114,9 @@ impl Hokuyo {
     /// Does what a command says; gives its state.
     fn carry_out(&mut self, line: &str, now: Stamp<Mono>) -> &'static str {
         match line {
-            "VV" | "PP" | "II" => "00",
+            "VV" | "PP" | "II" | "TM1" => "00",
             "BM" if self.is_held => "27",
-            "BM" if self.is_faulty => "50",
+            "BM" if self.fault.is_some() => self.fault.unwrap_or("50"),
             "BM" if self.is_lit => "02",
             "BM" => {
                 self.is_lit = true;
@@ -132,7 +131,6 @@ impl Hokuyo {
                 self.has_time_mode = true;
                 "00"
             }
-            "TM1" => "00",
             "TM2" if self.has_time_mode => {
                 self.has_time_mode = false;
                 "00"
@@ -167,7 +165,7 @@ impl Hokuyo {
         let g = &self.geometry;
         let mut value = |name: &str, value: &str| {
             let said = format!("{name}:{value}");
-            let _ = writeln!(text, "{said};{}", sum(&said));
+            text.push_str(&format!("{said};{}\n", sum(&said)));
         };
         match line {
             "VV" => {
@@ -194,7 +192,10 @@ impl Hokuyo {
             "II" => {
                 value("MODL", g.product);
                 value("LASR", if self.is_lit { "ON" } else { "OFF" });
-                value("STAT", if self.is_faulty { "Sensor fault" } else { "Sensor works well." });
+                value(
+                    "STAT",
+                    if self.fault.is_some() { "Sensor fault" } else { "Sensor works well." },
+                );
             }
             _ => {}
         }
@@ -239,7 +240,7 @@ impl Hokuyo {
         let characters: Vec<char> = values.chars().collect();
         for line in characters.chunks(LINE_CHARS) {
             let line: String = line.iter().collect();
-            let _ = writeln!(text, "{line}{}", sum(&line));
+            push_line(&mut text, &line);
         }
         text.push('\n');
         Some(Frame { bytes: text.into_bytes(), n_samples, ready_at })
@@ -278,9 +279,16 @@ impl Device for Hokuyo {
     fn suffer(&mut self, mishap: Mishap, _now: Stamp<Mono>) {
         match mishap {
             Mishap::HeadHeld(is_held) => self.is_held = is_held,
-            Mishap::InternalError => (self.is_faulty, self.measuring) = (true, None),
+            Mishap::InternalError => (self.fault, self.measuring) = (Some("50"), None),
         }
     }
+}
+
+/// A line with its sum.
+fn push_line(text: &mut String, line: &str) {
+    text.push_str(line);
+    text.push(sum(line));
+    text.push('\n');
 }
 
 /// The sum character of a line.

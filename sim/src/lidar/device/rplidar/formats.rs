@@ -72,14 +72,13 @@ impl Format {
     pub(super) fn compensation_deg(self, dist_mm: f64) -> f64 {
         let near = dist_mm < 50.0;
         match self {
-            Self::Ultra if near => 7.5,
+            Self::Ultra | Self::Legacy if near => 7.5,
             Self::Ultra => {
                 let k = (98_361.0 / (4.0 * dist_mm)).floor();
                 let k_rad = (64.0 * k + (k * k * k / 98_304.0).trunc()) / 65_536.0;
                 8.0 - k_rad.to_degrees()
             }
             // As the optics of the ultra capsules, but never below 0: the field has no sign.
-            Self::Legacy if near => 7.5,
             Self::Legacy => {
                 let offset_deg = 8.0 - (1.5 / dist_mm * 16.0).to_degrees();
                 (offset_deg.clamp(0.0, 7.875) * 8.0).round() / 8.0
