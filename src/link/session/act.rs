@@ -22,13 +22,19 @@ impl Session {
                 let system = self.autopilot_system().unwrap_or(0);
                 self.push(outbound::setpoint(setpoint, system), out);
             }
-            Action::PublishOdometry(estimate) => self.push(outbound::odometry(estimate), out),
+            Action::PublishOdometry(estimate) => {
+                self.telemetry.fixed(outbound::quality(estimate), now);
+                self.push(outbound::odometry(estimate), out);
+            }
             Action::ReportVolume(report) => self.telemetry.report(report, now, &mut out.messages),
             Action::VolumesAccounted(accounts) => self.telemetry.note(accounts),
             Action::Say(line) => {
                 self.telemetry.say(line.severity, &line.text, &mut out.messages);
             }
-            Action::Answer(answer) => out.messages.push(operator_ack(answer)),
+            Action::Answer(answer) => {
+                let is_accepted = self.operators.answer(answer, now);
+                out.messages.push(operator_ack(&OperatorAnswer { is_accepted, ..*answer }));
+            }
             // What is still unanswered must not be repeated over the pilot's head.
             Action::PhaseChanged(PhaseChange { to: Phase::Abort | Phase::Idle, .. }) => {
                 self.commands.abandon(now, out);
@@ -60,7 +66,7 @@ impl Session {
     }
 }
 
-fn operator_ack(answer: &OperatorAnswer) -> MavMessage {
+pub(super) fn operator_ack(answer: &OperatorAnswer) -> MavMessage {
     let result = if answer.is_accepted {
         MavResult::MAV_RESULT_ACCEPTED
     } else {
