@@ -47,7 +47,7 @@ fn lines_of_every_awkward_length_are_written_for_other_readers() {
         }
     }
     // A piece for each begun 50 bytes, and one more where the last is full.
-    assert_eq!(n_frames, LENGTHS.iter().map(|n| (*n as u64) / 50 + 1).sum());
+    assert_eq!(n_frames, LENGTHS.iter().map(|n| (*n as u64) / 50 + 1).sum::<u64>());
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR"));
     std::fs::write(folder.join("texts.tlog"), log).unwrap();
     std::fs::write(folder.join("texts.txt"), lines).unwrap();

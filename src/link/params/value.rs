@@ -96,8 +96,7 @@ impl Value {
         };
         // Tools write whole numbers as 4, 4.0 and 4.000000.
         let number: f64 = text.parse().ok()?;
-        let is_whole = number.fract().abs() < f64::EPSILON;
-        let fits = is_whole && f64::from(low) <= number && number <= f64::from(high);
+        let fits = is_whole(number) && f64::from(low) <= number && number <= f64::from(high);
         #[expect(clippy::cast_possible_truncation, reason = "whole and in range")]
         fits.then_some(Self::Whole(number as i32))
     }
@@ -120,10 +119,8 @@ impl Value {
             },
             Encoding::CCast => {
                 let number = f64::from(field);
-                let fits = number.is_finite()
-                    && number.fract().abs() < f64::EPSILON
-                    && f64::from(low) <= number
-                    && number <= f64::from(high);
+                let fits =
+                    is_whole(number) && f64::from(low) <= number && number <= f64::from(high);
                 #[expect(clippy::cast_possible_truncation, reason = "whole and in range")]
                 if fits { number as i32 } else { return None }
             }
@@ -158,6 +155,11 @@ impl Value {
         let ((own, own_bits), (others, others_bits)) = (bits(self), bits(other));
         own != others && (own == others_bits || own_bits == others)
     }
+}
+
+/// A number so small that it would round to 0 is not whole: it is a whole number's bits.
+fn is_whole(number: f64) -> bool {
+    number.trunc().to_bits() == number.to_bits()
 }
 
 impl fmt::Display for Value {
@@ -198,6 +200,7 @@ mod tests {
         use Encoding::CCast;
         assert_eq!(Value::from_wire(200.0, Kind::Int8, CCast), None);
         assert_eq!(Value::from_wire(0.5, Kind::Int16, CCast), None);
+        assert_eq!(Value::from_wire(f32::from_bits(10), Kind::Int16, CCast), None);
         assert_eq!(Value::from_wire(f32::NAN, Kind::Int32, CCast), None);
         assert_eq!(Value::from_wire(f32::INFINITY, Kind::Real32, CCast), None);
         // 2^24 + 1 has no float.
