@@ -10,7 +10,7 @@ use stockpilot::messages::{
     FixOutcome, FixRecord, FixSource, FlightMode, GridGeometry, HeightMap, HitCounts, LandedState,
     Mass, NavEstimate, OperatorAnswer, OperatorCommand, OperatorRequest, OperatorVerb,
     PointDetection, Scan, Setpoint, Severity, SharedSensitivity, StatusText, TagDetection,
-    TagDetections, TagFamily, VehicleCommand, VehicleState, Verdict, VolumeAccount, VolumeBudget,
+    TagDetections, TagFamily, TakeOff, VehicleCommand, VehicleState, Verdict, VolumeAccount, VolumeBudget,
     VolumeEstimate, VolumeShares,
 };
 use stockpilot::mission::Phase;
@@ -58,7 +58,11 @@ fn events() -> Vec<Event> {
             mode: FlightMode::Other(17),
             landed: LandedState::InAir,
             in_failsafe: false,
+            is_ready: true,
+            is_contested: false,
+            takes_off: TakeOff::ByCommand,
         }),
+        Event::AutopilotRebooted(AT),
         Event::Battery(BatterySample {
             at: AT,
             voltage_v: 15.2,
