@@ -336,9 +336,11 @@ impl Pilot {
                 let yaw_rad = hall_from_body.rotation.yaw_rad();
                 wrapped_rad(yaw_rad - self.route.settings().yaw_rad)
             }),
-            height_over_home_m: self.localizer.pose().zip(self.home).map(
-                |(hall_from_body, home)| hall_from_body.origin.coords.z - home.coords.z,
-            ),
+            height_over_home_m: self
+                .localizer
+                .pose()
+                .zip(self.home)
+                .map(|(hall_from_body, home)| hall_from_body.origin.coords.z - home.coords.z),
             is_trajectory_over: self.route.path().reached_end(self.now).is_some(),
             is_at_target: self.is_at_target(),
         }

@@ -7,8 +7,7 @@ use crate::time::{Mono, Stamp};
 use mavlink::MessageData;
 use mavlink::dialects::ardupilotmega::{
     ATTITUDE_QUATERNION_DATA, BATTERY_STATUS_DATA, COMMAND_LONG_DATA, EXTENDED_SYS_STATE_DATA,
-    HEARTBEAT_DATA, HIGHRES_IMU_DATA, LOCAL_POSITION_NED_DATA, MavCmd, MavMessage,
-    RAW_IMU_DATA,
+    HEARTBEAT_DATA, HIGHRES_IMU_DATA, LOCAL_POSITION_NED_DATA, MavCmd, MavMessage, RAW_IMU_DATA,
 };
 use std::time::Duration;
 

@@ -10,8 +10,8 @@ use stockpilot::messages::{
     FixOutcome, FixRecord, FixSource, FlightMode, GridGeometry, HeightMap, HitCounts, LandedState,
     Mass, NavEstimate, OperatorAnswer, OperatorCommand, OperatorRequest, OperatorVerb,
     PointDetection, Scan, Setpoint, Severity, SharedSensitivity, StatusText, TagDetection,
-    TagDetections, TagFamily, TakeOff, VehicleCommand, VehicleState, Verdict, VolumeAccount, VolumeBudget,
-    VolumeEstimate, VolumeShares,
+    TagDetections, TagFamily, TakeOff, VehicleCommand, VehicleState, Verdict, VolumeAccount,
+    VolumeBudget, VolumeEstimate, VolumeShares,
 };
 use stockpilot::mission::Phase;
 use stockpilot::pilot::{Action, Event, FlightSummary, PhaseChange, VolumeReport};

@@ -1,8 +1,8 @@
 //! The cascade: position → velocity → acceleration → attitude and thrust → rates → rotors.
 
 use super::estimator::Belief;
-use super::mixer::Airframe;
 use super::limits::Limits;
+use super::mixer::Airframe;
 use super::setpoint::Target;
 use crate::vehicle::MotorCommands;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};

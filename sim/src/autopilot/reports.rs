@@ -55,15 +55,7 @@ pub(super) fn attitude_quaternion(belief: &Belief, time_boot_ms: u32) -> MavMess
 pub(super) fn local_position(belief: &Belief, time_boot_ms: u32) -> MavMessage {
     let [x, y, z] = <[f64; 3]>::from(belief.position_m).map(single);
     let [vx, vy, vz] = <[f64; 3]>::from(belief.velocity_mps).map(single);
-    MavMessage::LOCAL_POSITION_NED(m::LOCAL_POSITION_NED_DATA {
-        time_boot_ms,
-        x,
-        y,
-        z,
-        vx,
-        vy,
-        vz,
-    })
+    MavMessage::LOCAL_POSITION_NED(m::LOCAL_POSITION_NED_DATA { time_boot_ms, x, y, z, vx, vy, vz })
 }
 
 pub(super) fn global_position(

@@ -35,13 +35,9 @@ impl TakeOff {
         *self = match *self {
             _ if !is_armed => Self::Disarmed,
             Self::Disarmed => Self::SpoolUp(now),
-            Self::SpoolUp(since) if now.seconds_since(since) >= lift.spool_up_s => {
-                Self::Ready
-            }
+            Self::SpoolUp(since) if now.seconds_since(since) >= lift.spool_up_s => Self::Ready,
             Self::Ready if wants_up => Self::Ramp(now),
-            Self::Ramp(since) if now.seconds_since(since) >= lift.ramp_s => {
-                Self::Flight
-            }
+            Self::Ramp(since) if now.seconds_since(since) >= lift.ramp_s => Self::Flight,
             Self::Ramp(_) if !wants_up && is_landed => Self::Ready,
             Self::Flight if is_landed => Self::Ready,
             other => other,

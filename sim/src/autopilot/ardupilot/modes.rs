@@ -61,6 +61,9 @@ impl ApMode {
 
     /// The position controller flies: bit 0x08 of `base_mode`.
     pub(super) const fn is_guided_bit(self) -> bool {
-        matches!(self, Self::Auto | Self::Guided | Self::Loiter | Self::Rtl | Self::Land | Self::Brake)
+        matches!(
+            self,
+            Self::Auto | Self::Guided | Self::Loiter | Self::Rtl | Self::Land | Self::Brake
+        )
     }
 }

@@ -28,8 +28,8 @@ impl StubArduPilot {
     pub(super) fn control(&mut self, dt_s: f64) -> MotorCommands {
         let target = self.target(dt_s);
         // On the ground only a take-off lifts; anything else leaves it standing with idle rotors.
-        let wants_up = !self.landing.is_landed()
-            || (self.mode == ApMode::Guided && self.guided.lifts());
+        let wants_up =
+            !self.landing.is_landed() || (self.mode == ApMode::Guided && self.guided.lifts());
         let lift = Lift::ardupilot(&self.params);
         let is_landed = self.landing.is_landed();
         self.takeoff.step(self.now, &lift, self.is_armed, wants_up, is_landed);
@@ -51,9 +51,7 @@ impl StubArduPilot {
             return Target::sink(None, self.yaw_rad, 0.0);
         }
         match self.mode {
-            ApMode::Guided => {
-                self.guided.target(self.now, self.params.real("GUID_TIMEOUT"), dt_s)
-            }
+            ApMode::Guided => self.guided.target(self.now, self.params.real("GUID_TIMEOUT"), dt_s),
             ApMode::Stabilize | ApMode::AltHold => Target::sink(None, self.yaw_rad, 0.0),
             ApMode::Auto | ApMode::Loiter | ApMode::Brake => {
                 Target::hold(&self.place_m, self.yaw_rad)

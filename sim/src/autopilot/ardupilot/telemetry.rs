@@ -137,9 +137,7 @@ impl StubArduPilot {
     fn global_position(&self, boot_ms: u32) -> MavMessage {
         let nowhere = m::GPS_GLOBAL_ORIGIN_DATA::DEFAULT;
         match &self.origin {
-            Some(origin) => {
-                reports::global_position(&self.belief, origin, &self.home_m, boot_ms)
-            }
+            Some(origin) => reports::global_position(&self.belief, origin, &self.home_m, boot_ms),
             None => {
                 let still =
                     crate::autopilot::estimator::Belief { position_m: self.home_m, ..self.belief };

@@ -184,7 +184,8 @@ impl Ekf3 {
         let gate2 = (params.real("EK3_POS_I_GATE") * 1e-2).powi(2);
         let var = sample.position_sigma_m.powi(2);
         let error_m = sample.position_m - past.position_m;
-        let bound = gate2 * (inertial.north.innovation_var(0, var) + inertial.east.innovation_var(0, var));
+        let bound =
+            gate2 * (inertial.north.innovation_var(0, var) + inertial.east.innovation_var(0, var));
         if error_m.xy().norm_squared() <= bound {
             for axis in 0..2 {
                 inertial.fuse_horizontal(axis, 0, error_m[axis], var);
