@@ -75,6 +75,7 @@ enum HoldCause {
 
 /// The state of the mission.
 #[derive(Debug, Clone, PartialEq)]
+#[expect(clippy::struct_excessive_bools, reason = "independent marks of one flight")]
 pub struct Mission {
     settings: Settings,
     phase: Phase,

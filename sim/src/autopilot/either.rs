@@ -38,7 +38,6 @@ impl Flavour {
 
 /// A stub of either family, system 1, component 1.
 #[derive(Debug, Clone)]
-#[expect(clippy::large_enum_variant, reason = "one of them per vehicle")]
 pub enum StubAutopilot {
     /// PX4.
     Px4(StubPx4),

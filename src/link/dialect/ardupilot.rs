@@ -91,7 +91,8 @@ const fn take_off() -> WireCommand {
 /// it is sent   P₀ = P₆ = P₁₁ = σ_p²/3 with σ_p the largest of the place,
 ///              P₁₅ = P₁₈ = P₂₀ = σ_θ²/3 with σ_θ that of the heading
 /// ```
-/// It takes σ_p for each axis of the place and σ_θ for the heading, the only angle that it fuses.
+/// It takes the first for each axis of the place and the second for the heading, the only angle
+/// that it fuses.
 /// All numbers stay finite: it tests the first one only and takes a later NaN for a fault of its
 /// own.
 pub(super) fn collapsed(triangle: &[f32; 21]) -> [f32; 21] {

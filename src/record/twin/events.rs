@@ -148,6 +148,7 @@ impl From<TagsTwin> for TagDetections {
 
 #[derive(Serialize, Deserialize, JsonSchema)]
 #[serde(remote = "VehicleState")]
+#[expect(clippy::struct_excessive_bools, reason = "the twin of independent facts")]
 pub(in crate::record) struct VehicleTwin {
     #[serde(rename = "at_ns", with = "Nanos")]
     at: Stamp<Mono>,

@@ -32,7 +32,8 @@ impl ApType {
         let (low, high) = match self {
             Self::Int8 => (-128.0, 127.0),
             Self::Int16 => (-32_768.0, 32_767.0),
-            Self::Int32 => (-2_147_483_648.0, 2_147_483_520.0),
+            // Whole numbers beyond 2^24 are not exact on this wire anyway.
+            Self::Int32 => (-16_777_216.0, 16_777_216.0),
             Self::Real => return value,
         };
         value.round().clamp(low, high)

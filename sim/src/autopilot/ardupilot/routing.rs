@@ -50,12 +50,12 @@ impl StubArduPilot {
                 self.outbox.send(link, MavMessage::TIMESYNC(answer));
             }
             MavMessage::ODOMETRY(data) => self.on_odometry(data),
-            MavMessage::SET_POSITION_TARGET_LOCAL_NED(data) => {
-                if self.mode == super::ApMode::Guided {
-                    let wish = setpoint::wish(data, &self.belief);
-                    let belief = self.belief;
-                    self.guided.take(self.now, &wish, &belief);
-                }
+            MavMessage::SET_POSITION_TARGET_LOCAL_NED(data)
+                if self.mode == super::ApMode::Guided =>
+            {
+                let wish = setpoint::wish(data, &self.belief);
+                let belief = self.belief;
+                self.guided.take(self.now, &wish, &belief);
             }
             MavMessage::COMMAND_LONG(data) => self.on_command(&Command::long(header, link, data)),
             MavMessage::COMMAND_INT(data) => self.on_command(&Command::int(header, link, data)),
