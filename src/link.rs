@@ -17,7 +17,9 @@
 //! [`Session::on_message`] checks the sender and every number, and the brain sees an
 //! [`Event`](crate::pilot::Event) in SI units, Body or Hall axes and stamps of `Mono`.
 //!
-//! Not here: signing, forwarding between links, parameters, and a second autopilot. A system id
+//! [`Guard`] stands between transport and session: signatures, floods, addresses.
+//!
+//! Not here: forwarding between links, and a second autopilot. A system id
 //! above 255 is not spoken.
 
 mod autopilot_clock;
@@ -26,8 +28,10 @@ mod dialect;
 mod frames;
 mod inbound;
 mod outbound;
+mod security;
 mod session;
 mod settings;
+pub mod signing;
 mod stats;
 mod streams;
 mod telemetry;
@@ -35,6 +39,7 @@ mod text;
 pub mod transport;
 pub mod wire;
 
+pub use security::{Guard, GuardStats, Network, NetworkError, SecuritySettings};
 pub use session::{Session, SessionOutput};
 pub use settings::{Address, AddressError, Settings};
 pub use stats::LinkStats;

@@ -9,6 +9,7 @@ use stockpilot::messages::Verdict;
 use stockpilot::pilot::Action;
 use stockpilot::survey::accounts_table;
 use stockpilot::time::{Mono, Stamp};
+use stockpilot_sim::autopilot_command::{self, AutopilotArgs};
 use stockpilot_sim::camera::CameraArgs;
 use stockpilot_sim::campaign::{self, Witnessed};
 use stockpilot_sim::comparison::{self, ComparisonArgs};
@@ -37,6 +38,8 @@ enum Command {
     Consistency(ConsistencyArgs),
     /// The experiment of the paper: its pictures and its table.
     Paper(PaperArgs),
+    /// The stub autopilot as a program of its own, for clients that others wrote.
+    Autopilot(AutopilotArgs),
 }
 
 #[derive(Debug, Args)]
@@ -89,6 +92,7 @@ fn main() -> anyhow::Result<ExitCode> {
         Some(Command::Campaign(args)) => run_campaign(&args),
         Some(Command::Consistency(args)) => consistency::run(&args).map(|()| ExitCode::SUCCESS),
         Some(Command::Paper(args)) => paper::run(&args).map(|()| ExitCode::SUCCESS),
+        Some(Command::Autopilot(args)) => autopilot_command::run(&args).map(|()| ExitCode::SUCCESS),
         Some(Command::Fly(args)) => run_fly(&args),
         None => run_fly(&FlyArgs::parse_from(["fly"])),
     }

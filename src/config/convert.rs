@@ -90,6 +90,7 @@ impl Config {
                 "link.autopilot_pose_rate_hz",
                 self.link.autopilot_pose_rate_hz,
             )?,
+            security: self.link.security()?,
         })
     }
 
