@@ -1,6 +1,6 @@
 //! The person at the ground station: says start, and listens.
 
-use crate::autopilot::{COMPANION_COMPONENT, StubPx4};
+use crate::autopilot::{COMPANION_COMPONENT, StubAutopilot};
 use mavlink::MavHeader;
 use mavlink::dialects::ardupilotmega::{
     COMMAND_LONG_DATA, HEARTBEAT_DATA, MavAutopilot, MavCmd, MavMessage, MavModeFlag, MavState,
@@ -38,7 +38,7 @@ impl Operator {
     }
 
     /// Speaks and listens once per step of the simulation.
-    pub fn step(&mut self, now: Stamp<Mono>, autopilot: &mut StubPx4) {
+    pub fn step(&mut self, now: Stamp<Mono>, autopilot: &mut StubAutopilot) {
         for (header, message) in autopilot.to_ground_station() {
             self.hear(header, &message);
         }
