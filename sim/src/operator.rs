@@ -1,6 +1,6 @@
 //! The person at the ground station: says start, and listens. Or a real ground station on a socket.
 
-use crate::autopilot::{COMPANION_COMPONENT, StubPx4};
+use crate::autopilot::{COMPANION_COMPONENT, StubAutopilot};
 use anyhow::Context as _;
 use mavlink::dialects::ardupilotmega::{
     COMMAND_LONG_DATA, HEARTBEAT_DATA, MavAutopilot, MavCmd, MavMessage, MavModeFlag, MavState,
@@ -65,7 +65,7 @@ impl Operator {
     }
 
     /// Speaks and listens once per step of the simulation.
-    pub fn step(&mut self, now: Stamp<Mono>, autopilot: &mut StubPx4) {
+    pub fn step(&mut self, now: Stamp<Mono>, autopilot: &mut StubAutopilot) {
         for (header, message) in autopilot.to_ground_station() {
             self.hear(header, &message);
             if let Some(station) = &self.station {
@@ -119,7 +119,7 @@ impl Station {
         }
     }
 
-    fn pass_on(&mut self, now: Stamp<Mono>, autopilot: &mut StubPx4) {
+    fn pass_on(&mut self, now: Stamp<Mono>, autopilot: &mut StubAutopilot) {
         let mut buffer = [0; 2_048];
         while let Ok((length, from)) = self.socket.recv_from(&mut buffer) {
             self.peer = Some(from);

@@ -7,7 +7,7 @@ use stockpilot::geometry::{Body, Direction, Hall, Point, Rotation, Transform};
 use stockpilot::messages::{
     AutopilotPose, BatterySample, Beam, CameraId, CommandOutcome, FlightMode, ImuSample,
     LandedState, OperatorCommand, OperatorRequest, OperatorVerb, Scan, Setpoint, TagDetections,
-    VehicleCommand, VehicleState,
+    TakeOff, VehicleCommand, VehicleState,
 };
 use stockpilot::mission::Phase;
 use stockpilot::pilot::{Action, Event, JobId, JobOutput, Pilot};
@@ -127,7 +127,16 @@ impl Source {
 
     fn vehicle(&self, at: Stamp<Mono>) -> VehicleState {
         let landed = if self.is_armed { LandedState::InAir } else { LandedState::OnGround };
-        VehicleState { at, is_armed: self.is_armed, mode: self.mode, landed, in_failsafe: false }
+        VehicleState {
+            at,
+            is_armed: self.is_armed,
+            mode: self.mode,
+            landed,
+            in_failsafe: false,
+            is_ready: true,
+            is_contested: false,
+            takes_off: TakeOff::BySetpoints,
+        }
     }
 
     fn scan(&mut self, start: Stamp<Mono>) -> Scan {
