@@ -10,7 +10,8 @@
 //! ```
 //!
 //! What is true of one family of autopilots only (mode numbers, which frames an ODOMETRY may
-//! carry, how a mode change is acknowledged) stands in `dialect`; PX4 is the one spoken.
+//! carry, how a mode change is acknowledged) stands in `dialect`: PX4 and `ArduPilot` are spoken,
+//! and the first heartbeat decides which.
 //!
 //! One message's way: a transport finds a frame, [`wire::decode`] makes a message of it,
 //! [`Session::on_message`] checks the sender and every number, and the brain sees an
@@ -26,7 +27,9 @@ mod command;
 mod dialect;
 mod frames;
 mod inbound;
+mod operator;
 mod outbound;
+pub mod params;
 mod security;
 mod session;
 mod settings;

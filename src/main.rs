@@ -1,13 +1,17 @@
 //! The onboard program and its tools.
 
+#[path = "main/doctor.rs"]
+mod doctor;
+#[path = "main/params.rs"]
+mod params;
+
 use anyhow::Context;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 use stockpilot::config::{self, Config, ConfigError};
-use stockpilot::doctor::{Check, Examination, Patience, Report, Verdict};
 use stockpilot::mapping::change::USUAL_RISK;
 use stockpilot::pilot::Pilot;
 use stockpilot::record::replay::{ReplayReport, replay};
@@ -40,27 +44,10 @@ enum Command {
     Change(ChangeArgs),
     /// Where the vehicle may fly, and where one more marker would help most.
     Plan(PlanArgs),
+    /// The autopilot's parameters beside a file's.
+    Params(params::ParamsArgs),
     /// What is connected, whether it works, and what to do where it does not.
-    Doctor(DoctorArgs),
-}
-
-#[derive(Debug, Args)]
-struct DoctorArgs {
-    /// The configuration file; without it only serial ports and sensors are looked at.
-    #[arg(long)]
-    config: Option<PathBuf>,
-    /// Override a key of the file; may be given several times.
-    #[arg(long = "set", value_name = "SECTION.KEY=VALUE", requires = "config")]
-    overrides: Vec<String>,
-    /// Look for a LiDAR on this port only.
-    #[arg(long, conflicts_with = "config")]
-    port: Option<PathBuf>,
-    /// Wait at most this long for what does not come, s.
-    #[arg(long, value_name = "S", default_value_t = 12)]
-    seconds: u64,
-    /// Print one JSON object.
-    #[arg(long)]
-    json: bool,
+    Doctor(doctor::DoctorArgs),
 }
 
 #[derive(Debug, Args)]
@@ -194,7 +181,8 @@ fn main() -> anyhow::Result<ExitCode> {
         Command::Merge(args) => run_merge(&args),
         Command::Change(args) => run_change(&args),
         Command::Plan(args) => plan(&args),
-        Command::Doctor(args) => run_doctor(&args),
+        Command::Params(args) => params::run(&args),
+        Command::Doctor(args) => doctor::run(&args),
     }
 }
 
@@ -209,34 +197,6 @@ fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
     tracing::info!(config = printed, "effective configuration");
     let runtime = tokio::runtime::Runtime::new().context("cannot start the runtime")?;
     runtime.block_on(fly(&config))
-}
-
-#[expect(clippy::print_stdout, reason = "the program's output")]
-fn run_doctor(args: &DoctorArgs) -> anyhow::Result<ExitCode> {
-    let report = match args.config.as_ref().map(|path| config::load(path, &args.overrides)) {
-        Some(Err(error)) => {
-            let cure = "mend the file; deploy/config.example.toml shows every key";
-            let found = error.to_string();
-            Report { checks: vec![Check::with_cure("configuration", Verdict::Bad, found, cure)] }
-        }
-        loaded => {
-            let config = loaded.transpose()?;
-            let examination = Examination {
-                config: config.as_ref(),
-                port: args.port.clone(),
-                patience: Patience(Duration::from_secs(args.seconds)),
-                clock: Clock::real(),
-            };
-            let runtime = tokio::runtime::Runtime::new().context("cannot start the runtime")?;
-            runtime.block_on(Box::pin(examination.run()))
-        }
-    };
-    if args.json {
-        println!("{}", serde_json::to_string(&report)?);
-    } else {
-        print!("{report}");
-    }
-    Ok(ExitCode::from(report.exit_code()))
 }
 
 /// What `plan` prints with `--json`.
