@@ -10,7 +10,6 @@
 //!                       └▶ Device ─ Frame ─▶ Uart ─▶ PtyLine ◀─▶ the service's serial driver
 //! ```
 
-pub mod command;
 mod device;
 mod frame;
 mod head;
@@ -26,6 +25,7 @@ mod uart;
 pub use device::{Device, Firmware, Format, Frame, Mishap, device};
 pub use frame::{FRAME_LEN, encode};
 pub use model::LidarModel;
+pub(crate) use model::hanging_mount;
 pub use pose_track::PoseTrack;
 pub use pty::{LineCounts, LineFaults, PtyLine};
 pub use scene::{Echo, HallView, Optics, Room, Scene};

@@ -15,7 +15,7 @@ use stockpilot_sim::campaign::{self, Witnessed};
 use stockpilot_sim::comparison::{self, ComparisonArgs};
 use stockpilot_sim::consistency::{self, ConsistencyArgs};
 use stockpilot_sim::fly::{self, FlyOptions};
-use stockpilot_sim::lidar::command::{self as lidar_command, LidarArgs};
+use stockpilot_sim::lidar_command::{self, LidarArgs};
 use stockpilot_sim::paper::{self, PaperArgs};
 use stockpilot_sim::parallel::{n_cores, run_in_order};
 use stockpilot_sim::report::{CampaignReport, RunReport};

@@ -1,6 +1,6 @@
 //! `stockpilot-sim lidar`: one emulated sensor on a pseudo-terminal, for any program.
 
-use super::{LidarModel, LineFaults, Mishap, Optics, Room, SerialLidar};
+use crate::lidar::{LidarModel, LineFaults, Mishap, Optics, Room, SerialLidar};
 use anyhow::Context;
 use clap::Args;
 use std::path::{Path, PathBuf};
