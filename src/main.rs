@@ -1,5 +1,10 @@
 //! The onboard program and its tools.
 
+#[path = "main/doctor.rs"]
+mod doctor;
+#[path = "main/params.rs"]
+mod params;
+
 use anyhow::Context;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use serde::Serialize;
@@ -39,6 +44,10 @@ enum Command {
     Change(ChangeArgs),
     /// Where the vehicle may fly, and where one more marker would help most.
     Plan(PlanArgs),
+    /// The autopilot's parameters beside a file's.
+    Params(params::ParamsArgs),
+    /// What is connected, whether it works, and what to do where it does not.
+    Doctor(doctor::DoctorArgs),
 }
 
 #[derive(Debug, Args)]
@@ -172,6 +181,8 @@ fn main() -> anyhow::Result<ExitCode> {
         Command::Merge(args) => run_merge(&args),
         Command::Change(args) => run_change(&args),
         Command::Plan(args) => plan(&args),
+        Command::Params(args) => params::run(&args),
+        Command::Doctor(args) => doctor::run(&args),
     }
 }
 

@@ -5,6 +5,7 @@
 //! with what it judges. [`campaign`] feeds the brain directly, [`fly`] flies the real service.
 
 pub mod autopilot;
+pub mod autopilot_command;
 pub mod calibration;
 pub mod camera;
 pub mod camera_faults;
@@ -16,6 +17,8 @@ pub mod hall;
 pub mod hazards;
 pub mod judge;
 pub mod lidar;
+mod lidar_catalogue;
+pub mod lidar_command;
 pub mod load;
 pub mod machine;
 pub mod operator;

@@ -1,5 +1,6 @@
 //! What is flown: world, planner, sensors and seeds of one run.
 
+use crate::autopilot::Flavour;
 use crate::calibration::{CalibrationErrors, CalibrationSigmas, ErrorSource};
 use crate::camera::CameraModel;
 use crate::hazards::Hazards;
@@ -12,6 +13,7 @@ use clap::{Args, ValueEnum};
 use std::ops::Range;
 use std::path::Path;
 use stockpilot::config::{PlannerName, SurfaceName, VolumeVarianceName};
+use stockpilot::lidar;
 use stockpilot::stats::SeedBook;
 
 /// Worlds that are made from a seed.
@@ -38,9 +40,12 @@ pub struct ScenarioArgs {
     /// How the variances of the cells become the volume's; the service's own default if left out.
     #[arg(long, value_enum)]
     pub variance: Option<Variance>,
-    /// The LiDAR: 4,500 or 21,600 samples/s.
-    #[arg(long, value_enum, default_value_t = Lidar::Ld19)]
+    /// The LiDAR: ld19, rplidar-a3, ydlidar-g4, hokuyo-utm30lx, or any other with a driver.
+    #[arg(long, value_parser = lidar_named, default_value = "ld19")]
     pub lidar: Lidar,
+    /// The family of the stub autopilot.
+    #[arg(long, value_enum, default_value_t = Flavour::Px4)]
+    pub autopilot: Flavour,
     /// Waypoints of the survey.
     #[arg(long, default_value_t = 50)]
     pub steps: usize,
@@ -130,15 +135,6 @@ impl Variance {
     }
 }
 
-/// Which LiDAR.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Lidar {
-    /// LD19, 4,500 samples/s.
-    Ld19,
-    /// STL-27L, 21,600 samples/s.
-    Stl27l,
-}
-
 impl Planner {
     /// The planner's name in the configuration.
     #[must_use]
@@ -181,24 +177,33 @@ impl Surface {
     }
 }
 
+/// Which LiDAR: any that the service has a driver for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Lidar(pub lidar::Model);
+
 impl Lidar {
+    /// LDROBOT LD19.
+    #[expect(non_upper_case_globals, reason = "reads like the other choices of a scenario")]
+    pub const Ld19: Self = Self(lidar::Model::Ld19);
+
     /// The simulated sensor.
     #[must_use]
     pub fn model(self) -> LidarModel {
-        match self {
-            Self::Ld19 => LidarModel::ld19(),
-            Self::Stl27l => LidarModel::stl27l(),
-        }
+        LidarModel::of(self.0)
     }
 
     /// The sensor's name in the configuration and in results.
     #[must_use]
     pub const fn name(self) -> &'static str {
-        match self {
-            Self::Ld19 => "ld19",
-            Self::Stl27l => "stl27l",
-        }
+        self.0.name()
     }
+}
+
+/// The sensor with this name.
+fn lidar_named(name: &str) -> Result<Lidar, String> {
+    lidar::Model::from_name(name).map(Lidar).ok_or_else(|| {
+        format!("{name:?} is not {}", lidar::Model::ALL.map(lidar::Model::name).join(", "))
+    })
 }
 
 /// How a run differs from a hall and a vehicle that are exactly as they should be.
@@ -253,6 +258,8 @@ pub struct Scenario {
     pub variance: Option<Variance>,
     /// Which LiDAR.
     pub lidar: Lidar,
+    /// The family of the autopilot.
+    pub autopilot: Flavour,
     /// The camera.
     pub camera: CameraModel,
     /// Waypoints.
@@ -269,7 +276,8 @@ impl Scenario {
     pub fn rig(&self) -> Rig {
         let Conditions { errors, hazards, .. } = &self.conditions;
         let lidar = hazards.applied_to(&errors.true_lidar(&self.lidar.model()));
-        let rig = Rig::new(self.world.clone(), lidar, self.camera.clone(), self.seed);
+        let rig = Rig::new(self.world.clone(), lidar, self.camera.clone(), self.seed)
+            .with_autopilot(self.autopilot);
         if hazards.has_machine {
             rig.with_machine(Machine::drawn(&self.world, SeedBook::new(self.seed)))
         } else {
@@ -293,6 +301,7 @@ impl ScenarioArgs {
             surface: self.surface,
             variance: self.variance,
             lidar: self.lidar,
+            autopilot: self.autopilot,
             camera,
             n_steps: self.steps,
             seed,
