@@ -16,6 +16,8 @@ pub struct Operator {
     next_start: Stamp<Mono>,
     is_start_acknowledged: bool,
     wishes: Vec<MavCmd>,
+    /// The ground station is switched off: it neither speaks nor hears.
+    pub is_silent: bool,
     /// Lines of text, in the order they came.
     pub texts: Vec<String>,
     /// The last value of VOLUME, m³, as a ground station shows it.
@@ -39,7 +41,11 @@ impl Operator {
 
     /// Speaks and listens once per step of the simulation.
     pub fn step(&mut self, now: Stamp<Mono>, autopilot: &mut StubAutopilot) {
-        for (header, message) in autopilot.to_ground_station() {
+        let heard = autopilot.to_ground_station();
+        if self.is_silent {
+            return;
+        }
+        for (header, message) in heard {
             self.hear(header, &message);
         }
         if now >= self.next_heartbeat {

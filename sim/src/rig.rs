@@ -142,6 +142,13 @@ impl Rig {
         true
     }
 
+    /// Moves every marker of the hall by a vector in hall axes, m: as if the vehicle stood there.
+    pub fn move_all_tags(&mut self, by_m: &Vector3<f64>) {
+        for corner in self.world.tags.iter_mut().flat_map(|tag| &mut tag.corners) {
+            *corner = Point::from_coords(corner.coords + by_m);
+        }
+    }
+
     /// The camera.
     #[must_use]
     pub fn camera(&self) -> &CameraModel {
