@@ -18,6 +18,7 @@ mod load;
 mod markers;
 mod mesh_file;
 mod obstacles;
+mod published;
 mod security;
 
 pub use bays::{BaseSection, BaySection, ExclusionSection};

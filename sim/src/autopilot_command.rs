@@ -10,7 +10,9 @@ mod machine;
 
 pub use gate::GateAddress;
 
-use crate::autopilot::{ParamTable, ParamValue};
+use crate::autopilot::{
+    ApParams, Flavour, ParamTable, ParamValue, StubArduPilot, StubAutopilot, StubPx4,
+};
 use anyhow::{Context, anyhow, ensure};
 use clap::{Args, ValueEnum};
 use gate::Gate;
@@ -26,6 +28,8 @@ use stockpilot::service::clock::Clock;
 use stockpilot::time::{Mono, Stamp};
 use tokio_util::sync::CancellationToken;
 
+/// The autopilot was switched on this long before its first inertial sample here.
+const BOOT_LEAD: Duration = Duration::from_secs(5);
 /// From one inertial sample to the next.
 const STEP: Duration = Duration::from_millis(5);
 /// A simulation that is this late lets its clock stand instead of catching up.
@@ -33,13 +37,6 @@ const LARGEST_LAG: Duration = Duration::from_millis(100);
 /// Where a ground station would put the hall's origin; altitude 0, for any other makes PX4 jump.
 const ORIGIN_DEG_E7: (i32, i32) = (473_977_418, 85_455_939);
 const GROUND_STATION: MavHeader = MavHeader { system_id: 255, component_id: 190, sequence: 0 };
-
-/// Which autopilot is imitated.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Flavour {
-    /// PX4 v1.16.
-    Px4,
-}
 
 /// Who tells the autopilot where it is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -97,9 +94,8 @@ struct Opened {
 /// # Errors
 /// A parameter that does not exist, a key that cannot be read, or an address that cannot be had.
 pub fn run(args: &AutopilotArgs) -> anyhow::Result<()> {
-    let params = params(args)?;
-    let Flavour::Px4 = args.flavour;
-    let machine = Machine::new(params, args.vision == Vision::Tracking, args.seed);
+    let autopilot = autopilot(args)?;
+    let machine = Machine::new(autopilot, args.vision == Vision::Tracking, args.seed);
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
@@ -107,10 +103,34 @@ pub fn run(args: &AutopilotArgs) -> anyhow::Result<()> {
     runtime.block_on(serve(args, machine))
 }
 
-fn params(args: &AutopilotArgs) -> anyhow::Result<ParamTable> {
-    let mut table = if args.defaults { ParamTable::defaults() } else { ParamTable::indoor() };
-    for text in &args.params {
-        let (name, value) = text.split_once('=').with_context(|| format!("`{text}` has no `=`"))?;
+fn autopilot(args: &AutopilotArgs) -> anyhow::Result<StubAutopilot> {
+    let pair = |text: &'_ String| {
+        let pair = text.split_once('=').map(|(name, value)| (name.to_owned(), value.to_owned()));
+        pair.with_context(|| format!("`{text}` has no `=`"))
+    };
+    let values = args.params.iter().map(pair).collect::<anyhow::Result<Vec<_>>>()?;
+    Ok(match args.flavour {
+        Flavour::Px4 => {
+            StubAutopilot::Px4(StubPx4::new(px4_params(args.defaults, &values)?, BOOT_LEAD))
+        }
+        Flavour::ArduPilot => {
+            let params = ardupilot_params(args.defaults, &values)?;
+            StubAutopilot::ArduPilot(StubArduPilot::new(params, BOOT_LEAD))
+        }
+    })
+}
+
+fn ardupilot_params(defaults: bool, values: &[(String, String)]) -> anyhow::Result<ApParams> {
+    let mut table = if defaults { ApParams::defaults() } else { ApParams::indoor() };
+    for (name, value) in values {
+        ensure!(table.set(name, value.parse()?), "there is no parameter {name}");
+    }
+    Ok(table)
+}
+
+fn px4_params(defaults: bool, values: &[(String, String)]) -> anyhow::Result<ParamTable> {
+    let mut table = if defaults { ParamTable::defaults() } else { ParamTable::indoor() };
+    for (name, value) in values {
         let old = table.get(name).with_context(|| format!("there is no parameter {name}"))?;
         let value = match old {
             ParamValue::Int(_) => ParamValue::Int(value.parse()?),

@@ -85,6 +85,10 @@ struct FlyArgs {
     /// Print one JSON object as the last line.
     #[arg(long)]
     json: bool,
+    /// Take off when a ground station says so that speaks MAVLink to this UDP address (`HOST:PORT`, port
+    /// 0 for a free one); the address is the first line of the output.
+    #[arg(long, value_name = "ADDRESS")]
+    ground: Option<String>,
 }
 
 fn main() -> anyhow::Result<ExitCode> {
@@ -110,8 +114,12 @@ fn run_fly(args: &FlyArgs) -> anyhow::Result<ExitCode> {
     anyhow::ensure!(args.speed > 0.0 && args.speed <= 100.0, "--speed is 0 to 100");
     let mut scenario = args.scenario.scenario(args.seed)?;
     args.camera.apply(&mut scenario.camera);
-    let options =
-        FlyOptions { speed: args.speed, directory: args.log.clone(), shows_progress: true };
+    let options = FlyOptions {
+        speed: args.speed,
+        directory: args.log.clone(),
+        shows_progress: true,
+        ground: args.ground.clone(),
+    };
     let run = fly::run(&scenario, &options)?;
     if args.json {
         println!("{}", serde_json::to_string(&run)?);

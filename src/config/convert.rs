@@ -91,6 +91,7 @@ impl Config {
                 self.link.autopilot_pose_rate_hz,
             )?,
             security: self.link.security()?,
+            published: self.published(),
         })
     }
 

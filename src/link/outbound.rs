@@ -105,7 +105,7 @@ pub(crate) fn odometry(estimate: &NavEstimate, dialect: Dialect) -> Option<MavMe
 
 /// 100 at a perfect position, falling to 1 at [`WORST_SIGMA_M`] and beyond.
 #[expect(clippy::cast_possible_truncation, reason = "the value lies between 1 and 100")]
-fn quality(estimate: &NavEstimate) -> i8 {
+pub(crate) fn quality(estimate: &NavEstimate) -> i8 {
     let sigma_ratio = (estimate.position_sigma_m().max() / WORST_SIGMA_M).clamp(0.0, 1.0);
     (100.0 * (1.0 - sigma_ratio)).round().max(1.0) as i8
 }

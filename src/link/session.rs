@@ -10,6 +10,8 @@ pub(crate) use receive::is_known_autopilot;
 use super::autopilot_clock::AutopilotClock;
 use super::command::Commands;
 use super::dialect::Dialect;
+use super::operator::OperatorDesk;
+use super::params::ParamServer;
 use super::streams::Streams;
 use super::telemetry::Telemetry;
 use super::{LinkStats, OWN_COMPONENT, Settings};
@@ -62,6 +64,8 @@ pub struct Session {
     commands: Commands,
     streams: Streams,
     telemetry: Telemetry,
+    operators: OperatorDesk,
+    params: ParamServer,
     heartbeat_sent_at: Option<Stamp<Mono>>,
     timesync_sent_at: Option<Stamp<Mono>>,
     stats: LinkStats,
@@ -91,11 +95,13 @@ impl Session {
     pub fn new(settings: Settings) -> Self {
         Self {
             streams: Streams::new(&settings),
+            params: ParamServer::new(&settings.published),
             settings,
             autopilot: None,
             clock: AutopilotClock::default(),
             commands: Commands::default(),
             telemetry: Telemetry::default(),
+            operators: OperatorDesk::default(),
             heartbeat_sent_at: None,
             timesync_sent_at: None,
             stats: LinkStats::default(),
@@ -141,6 +147,8 @@ impl Session {
             self.timesync(system, now, out);
             self.streams.on_time(system, dialect, now, &mut self.stats, &mut out.messages);
             self.commands.on_time(system, now, &mut self.stats, out);
+            self.params.on_time(&mut out.messages);
+            self.telemetry.on_time(now, &mut out.messages);
         }
         self.count_sent(sent_before, out);
     }

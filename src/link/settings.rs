@@ -1,6 +1,7 @@
 //! How to reach the autopilot.
 
 use super::SecuritySettings;
+use super::params::Published;
 use std::fmt;
 use std::str::FromStr;
 
@@ -15,6 +16,8 @@ pub struct Settings {
     pub autopilot_pose_rate_hz: f64,
     /// Who may speak.
     pub security: SecuritySettings,
+    /// What ground stations may see of the configuration.
+    pub published: Vec<Published>,
 }
 
 impl Settings {
@@ -22,7 +25,13 @@ impl Settings {
     #[must_use]
     pub const fn new(address: Address) -> Self {
         let security = SecuritySettings { peers: Vec::new(), signing: None };
-        Self { address, imu_rate_hz: 200.0, autopilot_pose_rate_hz: 10.0, security }
+        Self {
+            address,
+            imu_rate_hz: 200.0,
+            autopilot_pose_rate_hz: 10.0,
+            security,
+            published: Vec::new(),
+        }
     }
 }
 

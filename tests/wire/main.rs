@@ -4,7 +4,10 @@
 
 mod datagrams;
 mod frames;
+mod guarded;
+mod params;
 mod rubbish;
 mod service;
 mod streams;
 mod support;
+mod texts;

@@ -1,6 +1,6 @@
 //! The vehicle with the stub in it, on an open floor.
 
-use crate::autopilot::{ParamTable, Sensors, StubPx4};
+use crate::autopilot::{Flavour, Sensors, StubAutopilot};
 use crate::vehicle::{MotorCommands, Surroundings, Vehicle, VehicleSettings};
 use mavlink::MavHeader;
 use mavlink::dialects::ardupilotmega as m;
@@ -10,8 +10,6 @@ use stockpilot::geometry::{Point, Rotation, Transform};
 use stockpilot::stats::SeedBook;
 use stockpilot::time::{Mono, Stamp};
 
-/// The autopilot was switched on this long before its first inertial sample here.
-const BOOT_LEAD: Duration = Duration::from_secs(5);
 /// Height of the body over the floor when the vehicle stands, m.
 const STANDING_M: f64 = 0.15;
 const VISION_EVERY: Duration = Duration::from_millis(33);
@@ -24,19 +22,19 @@ const TRACKER: MavHeader = MavHeader { system_id: 1, component_id: 197, sequence
 /// Vehicle and autopilot.
 pub(super) struct Machine {
     vehicle: Vehicle,
-    pub(super) autopilot: StubPx4,
+    pub(super) autopilot: StubAutopilot,
     motors: MotorCommands,
     /// When the built-in tracking speaks next, if there is one.
     vision_due: Option<Stamp<Mono>>,
 }
 
 impl Machine {
-    pub(super) fn new(params: ParamTable, is_tracked: bool, seed: u64) -> Self {
+    pub(super) fn new(autopilot: StubAutopilot, is_tracked: bool, seed: u64) -> Self {
         let pad = Transform::new(Rotation::identity(), Point::new(0.0, 0.0, STANDING_M));
         let seeds = SeedBook::new(seed);
         Self {
             vehicle: Vehicle::new(VehicleSettings::default(), &pad, Stamp::ZERO, seeds),
-            autopilot: StubPx4::new(params, BOOT_LEAD),
+            autopilot,
             motors: MotorCommands::default(),
             vision_due: is_tracked.then_some(Stamp::ZERO),
         }
@@ -64,7 +62,8 @@ impl Machine {
         }
     }
 
-    /// What a motion capture system would send: the true pose, in local NED and body FRD.
+    /// What a motion capture system would send: the true pose in the frames that this autopilot
+    /// takes, velocity in body FRD.
     fn tracked(&self) -> MavMessage {
         let pose = self.vehicle.hall_from_body();
         let p = pose.origin.coords;
@@ -94,7 +93,11 @@ impl Machine {
             yawspeed: f32::NAN,
             pose_covariance,
             velocity_covariance,
-            frame_id: m::MavFrame::MAV_FRAME_LOCAL_NED,
+            frame_id: match self.autopilot.flavour() {
+                Flavour::Px4 => m::MavFrame::MAV_FRAME_LOCAL_NED,
+                // Here the heading of the hall is taken for north, so the numbers are the same.
+                Flavour::ArduPilot => m::MavFrame::MAV_FRAME_LOCAL_FRD,
+            },
             child_frame_id: m::MavFrame::MAV_FRAME_BODY_FRD,
             reset_counter: 0,
             estimator_type: m::MavEstimatorType::MAV_ESTIMATOR_TYPE_VISION,

@@ -22,6 +22,7 @@ impl Session {
                 self.push(outbound::setpoint(setpoint, system), out);
             }
             Action::PublishOdometry(estimate) => {
+                self.telemetry.fixed(outbound::quality(estimate), now);
                 let dialect = self.autopilot.as_ref().map(|autopilot| autopilot.dialect);
                 self.push(dialect.and_then(|d| outbound::odometry(estimate, d)), out);
             }
@@ -30,7 +31,10 @@ impl Session {
             Action::Say(line) => {
                 self.telemetry.say(line.severity, &line.text, &mut out.messages);
             }
-            Action::Answer(answer) => out.messages.push(operator_ack(answer)),
+            Action::Answer(answer) => {
+                let is_accepted = self.operators.answer(answer, now);
+                out.messages.push(operator_ack(&OperatorAnswer { is_accepted, ..*answer }));
+            }
             // What is still unanswered must not be repeated over the pilot's head.
             Action::PhaseChanged(PhaseChange { to: Phase::Abort | Phase::Idle, .. }) => {
                 self.commands.abandon(now, out);
@@ -68,7 +72,7 @@ impl Session {
     }
 }
 
-fn operator_ack(answer: &OperatorAnswer) -> MavMessage {
+pub(super) fn operator_ack(answer: &OperatorAnswer) -> MavMessage {
     let result = if answer.is_accepted {
         MavResult::MAV_RESULT_ACCEPTED
     } else {

@@ -1,9 +1,10 @@
 //! Messages from the autopilot and from people.
 
+use super::act::operator_ack;
 use super::{Autopilot, RIVAL_REMEMBERED_FOR, Session, SessionOutput};
 use crate::link::dialect::Dialect;
 use crate::link::{AUTOPILOT_COMPONENT, OWN_COMPONENT, inbound};
-use crate::messages::{LandedState, OperatorCommand, OperatorRequest, Severity};
+use crate::messages::{LandedState, OperatorAnswer, OperatorCommand, OperatorRequest, Severity};
 use crate::pilot::Event;
 use crate::time::{Mono, Stamp};
 use mavlink::dialects::ardupilotmega::{
@@ -70,6 +71,14 @@ impl Session {
             MavMessage::COMMAND_INT(data) => {
                 let target = (data.target_system, data.target_component);
                 self.asked((system, component), target, data.command, arrived, out);
+            }
+            MavMessage::PARAM_REQUEST_LIST(_)
+            | MavMessage::PARAM_REQUEST_READ(_)
+            | MavMessage::PARAM_SET(_) => {
+                let own = self.autopilot_system().map(|system| (system, OWN_COMPONENT));
+                let is_mine =
+                    own.is_some_and(|own| self.params.on_message(message, own, &mut out.messages));
+                self.stats.foreign_messages += u64::from(!is_mine);
             }
             _ if component == AUTOPILOT_COMPONENT && Some(system) == self.autopilot_system() => {
                 self.stats.messages_in += 1;
@@ -209,6 +218,11 @@ impl Session {
         if let Some(verb) = inbound::operator_verb(command) {
             self.stats.operator_commands += 1;
             let from = OperatorRequest { system, component };
+            if !self.operators.passes(verb, from, arrived) {
+                let refusal = OperatorAnswer { verb, to: from, is_accepted: false };
+                out.messages.push(operator_ack(&refusal));
+                return;
+            }
             out.events.push(Event::Operator(OperatorCommand { at: arrived, verb, from }));
         } else {
             self.stats.unsupported_commands += 1;

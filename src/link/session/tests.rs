@@ -2,6 +2,7 @@
 
 mod commands;
 mod identity;
+mod people;
 mod reports;
 mod samples;
 
