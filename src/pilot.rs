@@ -24,8 +24,8 @@ use crate::geometry::{Hall, Point};
 use crate::localization::{self, Localizer};
 use crate::mapping::{self, Mapper, SolveError, SolvedSurface};
 use crate::messages::{
-    BatterySample, DisturbedArea, NavEstimate, OperatorAnswer, OperatorCommand, Scan, Severity,
-    StatusText, VehicleState, VolumeAccount,
+    AutopilotPose, BatterySample, DisturbedArea, NavEstimate, OperatorAnswer, OperatorCommand,
+    Scan, Severity, StatusText, VehicleState, VolumeAccount,
 };
 use crate::mission::{self, Effect, EnergyGauge, Inputs, Mission, Phase};
 use crate::planning;
@@ -82,7 +82,7 @@ const JUMP_FOLLOWED_M: f64 = 0.3;
 const LANDING_MPS: f64 = 0.5;
 
 /// The brain.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Pilot {
     settings: Settings,
     localizer: Localizer,
@@ -94,6 +94,8 @@ pub struct Pilot {
     vehicle: Option<VehicleState>,
     is_autopilot_lost: bool,
     battery: Option<BatterySample>,
+    /// Where the autopilot believes to be, until the own pose of that instant is known.
+    autopilot_pose: Option<AutopilotPose>,
     /// When the autopilot told its place, and how far that is from the own one, m.
     disagreement: Option<(Stamp<Mono>, f64)>,
     /// The localisation's count of declared jumps, as it was last looked at.
@@ -125,7 +127,7 @@ struct Ending {
 }
 
 /// Work that is under way.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 struct Jobs {
     next_id: u64,
     solve: Option<JobId>,
@@ -136,7 +138,7 @@ struct Jobs {
 }
 
 /// Length of the commanded path, m.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 struct FlownPath {
     length_m: f64,
     last: Option<Vector3<f64>>,
@@ -167,6 +169,7 @@ impl Pilot {
             vehicle: None,
             is_autopilot_lost: false,
             battery: None,
+            autopilot_pose: None,
             disagreement: None,
             reset_counter: 0,
             last_beam_at: None,
@@ -276,6 +279,7 @@ impl Pilot {
         self.map_waiting_scans();
         self.route.advance(now);
         self.follow_jump();
+        self.compare_with_autopilot();
         self.run_mission(actions);
         if self.mission.phase() == Phase::Survey {
             self.route.survey(now);
@@ -368,6 +372,16 @@ impl Pilot {
         }
     }
 
+    /// Compares the two places once the inertial samples have reached the autopilot's instant.
+    fn compare_with_autopilot(&mut self) {
+        let Some(pose) = self.autopilot_pose else { return };
+        if let Some((own, _)) = self.localizer.pose_at(pose.at) {
+            let off_m = (pose.position.coords - own.origin.coords).norm();
+            self.disagreement = Some((pose.at, off_m));
+            self.autopilot_pose = None;
+        }
+    }
+
     /// Distance of the autopilot's place to the own one, m, if it was told lately.
     fn disagreement_m(&self) -> Option<f64> {
         let (at, off_m) = self.disagreement?;
@@ -405,6 +419,7 @@ impl Pilot {
         }
         self.reset_counter = estimate.reset_counter;
         self.disagreement = None;
+        self.autopilot_pose = None;
         let place = estimate.hall_from_body.origin;
         let planned = self.route.path().trajectory().map(|t| t.knot_at(self.now).position);
         let is_far = planned.is_some_and(|p| (p - place.coords).norm() > JUMP_FOLLOWED_M);

@@ -185,6 +185,34 @@ impl DirectFlight {
         })
     }
 
+    /// The same flight once more from here on, with a whole link and without a log.
+    #[must_use]
+    pub fn fork(&self) -> Self {
+        Self {
+            rig: self.rig.clone(),
+            faults: self.faults,
+            link: LinkLayer::default(),
+            companion: self.companion,
+            log: None,
+            config: self.config.clone(),
+            late_frames: self.late_frames.clone(),
+            n_frames: self.n_frames,
+            camera_faults: self.camera_faults.clone(),
+            operator: self.operator.clone(),
+            session: self.session.clone(),
+            answers: self.answers.clone(),
+            waiting: self.waiting.clone(),
+            pilot: self.pilot.clone(),
+            turns: self.turns.clone(),
+            poses: self.poses,
+            n_ticks: self.n_ticks,
+            jobs: self.jobs.clone(),
+            n_samples_sent: self.n_samples_sent,
+            plan_times: self.plan_times.clone(),
+            summary: self.summary.clone(),
+        }
+    }
+
     /// The companion computer loses its power.
     pub const fn kill_companion(&mut self) {
         self.companion = Companion::Dead;
@@ -311,7 +339,7 @@ impl DirectFlight {
         let sent = std::mem::take(&mut output.to_companion);
         let arrived = self.link.pass(Way::ToCompanion, now, sent);
         match self.companion {
-            Companion::Runs => self.step_companion(output, arrived, witness),
+            Companion::Runs => self.step_companion(output, &arrived, witness),
             Companion::Frozen => {
                 self.waiting.extend(arrived);
                 self.sense(output, &mut Vec::new());
@@ -336,13 +364,13 @@ impl DirectFlight {
     fn step_companion(
         &mut self,
         output: RigOutput,
-        arrived: Vec<(MavHeader, MavMessage)>,
+        arrived: &[(MavHeader, MavMessage)],
         witness: &mut impl FnMut(Stamp<Mono>, Witnessed<'_>),
     ) {
         let now = self.rig.now();
         let mut out = std::mem::take(&mut self.answers);
         let waited = std::mem::take(&mut self.waiting);
-        for (header, message) in waited.iter().chain(&arrived) {
+        for (header, message) in waited.iter().chain(arrived) {
             self.session.on_message(header, message, now, &mut out);
         }
         let mut events = std::mem::take(&mut out.events);

@@ -8,11 +8,12 @@ use mavlink::dialects::ardupilotmega::{
 };
 use mavlink::{MAVLinkV2MessageRaw, MavHeader, MavlinkReader};
 use std::net::{SocketAddr, UdpSocket};
+use std::sync::Arc;
 use std::time::Duration;
 use stockpilot::time::{Mono, Stamp};
 
 /// A ground station on the autopilot's other link.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub struct Operator {
     next_heartbeat: Stamp<Mono>,
     next_start: Stamp<Mono>,
@@ -28,9 +29,9 @@ pub struct Operator {
 }
 
 /// A program of others that hears everything and says when to start.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 struct Station {
-    socket: UdpSocket,
+    socket: Arc<UdpSocket>,
     peer: Option<SocketAddr>,
 }
 
@@ -57,7 +58,7 @@ impl Operator {
         };
         let (local, socket) =
             open().with_context(|| format!("no socket for the ground station at {address}"))?;
-        let station = Some(Station { socket, peer: None });
+        let station = Some(Station { socket: Arc::new(socket), peer: None });
         Ok((Self { station, ..Self::default() }, local))
     }
 

@@ -19,7 +19,7 @@ use stockpilot::time::{Mono, Stamp};
 const BOOT_LEAD: Duration = Duration::from_millis(12_345);
 
 /// Vehicle, autopilot and sensors in their world.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Rig {
     world: World,
     vehicle: Vehicle,

@@ -258,6 +258,11 @@ impl Bench {
             Err(error) => self.expectations.complain(format!("the log: {error}")),
         }
         let mut complaints = self.expectations.into_complaints();
+        if !complaints.is_empty() {
+            let words = self.flight.texts();
+            let last = words.iter().rev().take(4).rev().cloned().collect::<Vec<_>>().join(" | ");
+            complaints.push(format!("last words: {last}"));
+        }
         if self.time_to_safe_s.is_none() {
             complaints.push("no safe state".to_owned());
         }

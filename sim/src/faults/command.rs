@@ -69,8 +69,8 @@ pub fn run_case(case: &Case, flavour: Flavour, seed: u64) -> anyhow::Result<Case
     let mut lab = Lab { flavour, seed, verdicts: Vec::new() };
     (case.script)(&mut lab)?;
     let Lab { verdicts, .. } = lab;
-    let times = verdicts.iter().map(|verdict| verdict.time_to_safe_s);
-    let longest_s = times.fold(Some(0.0_f64), |longest, time| Some(longest?.max(time?)));
+    let mut times = verdicts.iter().map(|verdict| verdict.time_to_safe_s);
+    let longest_s = times.try_fold(0.0_f64, |longest, time| Some(longest.max(time?)));
     Ok(CaseReport {
         case: case.number,
         name: case.name,

@@ -69,6 +69,7 @@ impl Expectations {
         // In the take-off the trajectory waits for nobody: rotors spool up first.
         let is_on_its_way = matches!(flight.phase(), Phase::Survey | Phase::Return | Phase::Hold);
         let is_steered = is_on_its_way
+            && !flight.link.is_cut
             && autopilot.follows_companion()
             && now.seconds_since(at) < STEERED_WITHIN_S;
         let off_m = (vehicle.hall_from_body().origin.coords - place).norm();

@@ -220,10 +220,14 @@ pub(super) fn odometry_refused(lab: &mut Lab) -> anyhow::Result<()> {
     // At 4 Hz PX4 does not fuse, and says nothing.
     lab.fly(|bench| {
         let mut n_sent = 0_u32;
-        bench.flight.link.tamper_with(move |_, _, (header, message)| {
-            let is_odometry = matches!(message, MavMessage::ODOMETRY(_));
+        bench.flight.link.tamper_with(move |way, _, (header, message)| {
+            let is_odometry = way == Way::ToAutopilot && matches!(message, MavMessage::ODOMETRY(_));
             n_sent += u32::from(is_odometry);
-            if is_odometry && n_sent % 8 != 0 { Vec::new() } else { vec![(header, message)] }
+            if is_odometry && !n_sent.is_multiple_of(8) {
+                Vec::new()
+            } else {
+                vec![(header, message)]
+            }
         });
         bench.strike();
         bench.safe_already();

@@ -78,7 +78,7 @@ pub(super) fn thin_imu(lab: &mut Lab) -> anyhow::Result<()> {
             n_samples += u32::from(is_imu);
             match age_s {
                 _ if !is_imu => vec![one],
-                0.0..5.0 if n_samples % 8 != 0 => Vec::new(),
+                0.0..5.0 if !n_samples.is_multiple_of(8) => Vec::new(),
                 5.0..5.1 => Vec::new(),
                 5.1.. => vec![one.clone(), one],
                 _ => vec![one],
