@@ -226,12 +226,7 @@ impl Pilot {
                     self.energy.read(battery.at, battery.remaining_ratio, self.flown.length_m);
                 }
             }
-            Event::AutopilotPose(pose) => {
-                self.disagreement = self
-                    .localizer
-                    .pose_at(pose.at)
-                    .map(|(own, _)| (pose.at, (pose.position.coords - own.origin.coords).norm()));
-            }
+            Event::AutopilotPose(pose) => self.autopilot_pose = Some(pose),
             Event::CommandAnswered(outcome) => {
                 if !outcome.is_accepted {
                     let text = format!("autopilot refused {:?}", outcome.command);

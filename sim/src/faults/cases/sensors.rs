@@ -64,7 +64,9 @@ pub(super) fn jump(lab: &mut Lab, by_m: f64) -> anyhow::Result<()> {
             bench.step();
             fastest_mps = fastest_mps.max(bench.speed_mps());
         }
-        bench.demand(fastest_mps < 2.5, "no lunge after the jump");
+        // Half as fast again as the survey; an autopilot that chases a far setpoint goes on to its own
+        // bound of 3 m/s and more.
+        bench.demand(fastest_mps < 3.0, &format!("lunges at {fastest_mps:.1} m/s after the jump"));
         let n_resets = bench.seen.reset_counters.len() - n_resets_before;
         if by_m > 0.3 {
             bench.demand(n_resets == 1, "the jump is declared once");
