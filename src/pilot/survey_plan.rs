@@ -5,6 +5,7 @@ use crate::mapping::Mapper;
 use crate::mapping::belief::CoarseField;
 use crate::mapping::projection::LidarMount;
 use crate::messages::{BudgetSource, VolumeAccount};
+use crate::planning::clearance::Clearance;
 use crate::planning::free_space::FreeSpace;
 use crate::planning::planner::{Belief, Plan, PlanEnd, PlanRequest};
 use crate::planning::way::{Demand, way_within};
@@ -104,6 +105,11 @@ impl SurveyPlan {
     /// True if the vehicle may be there.
     pub(super) fn is_free(&self, waypoint: &Waypoint) -> bool {
         self.free_space.is_free(waypoint)
+    }
+
+    /// What the vehicle keeps away from.
+    pub(super) fn clearance(&self) -> &Clearance {
+        self.free_space.clearance()
     }
 
     /// All waypoints are reached and no more will come.
