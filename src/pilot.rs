@@ -31,6 +31,7 @@ use crate::mission::{self, Effect, EnergyGauge, Inputs, Mission, Phase};
 use crate::planning;
 use crate::planning::Waypoint;
 use crate::planning::free_space::FreeSpace;
+use crate::planning::planner::Plan;
 use crate::time::{Mono, Stamp};
 use crate::units::wrapped_rad;
 use intake::FrameWatch;
@@ -285,6 +286,7 @@ impl Pilot {
         if n_beams == 0 {
             return;
         }
+        self.route.plan.ask_anew();
         let age_s = self.now.seconds_since(since);
         let text = format!("{n_beams} beams of the last {age_s:.1} s had a wrong pose: dropped");
         say(actions, Severity::Warning, text);
@@ -402,6 +404,8 @@ impl Pilot {
             }
             Phase::Hold => self.route.path_mut().brake(self.now),
             Phase::Idle | Phase::Land | Phase::Abort => self.route.path_mut().let_go(),
+            // Where the flight was broken off the plan may not lead any more.
+            Phase::Survey if from == Phase::Hold => self.route.plan.ask_from_here(),
             Phase::Survey => {}
         }
     }
@@ -547,9 +551,26 @@ impl Pilot {
                 self.jobs.solve = None;
                 self.on_solved(solved, actions);
             }
+            JobOutput::PlannedOutside(found) if self.jobs.plan == Some(id) => {
+                self.jobs.plan = None;
+                self.on_planned_outside(found, actions);
+            }
             JobOutput::Died => self.on_died(id, actions),
             // A job that a later one has replaced.
-            JobOutput::Planned(_) | JobOutput::SurfaceSolved(_) => {}
+            JobOutput::Planned(_) | JobOutput::PlannedOutside(_) | JobOutput::SurfaceSolved(_) => {}
+        }
+    }
+
+    /// Takes in what a program outside has planned, or tells the people that it failed.
+    fn on_planned_outside(&mut self, found: Result<Plan, String>, actions: &mut Vec<Action>) {
+        match found {
+            Ok(plan) => self.route.on_plan(plan, self.now),
+            Err(reason) => {
+                let is_asked_again = self.route.plan.on_failure();
+                let then = if is_asked_again { "asking again" } else { "ending the survey" };
+                let text = format!("the planner outside failed: {reason}: {then}");
+                say(actions, Severity::Error, text);
+            }
         }
     }
 
@@ -589,6 +610,7 @@ impl Pilot {
         let is_more = area_m2 >= LEAST_DISTURBED_M2.max(2.0 * self.told_disturbed_m2);
         if is_more || (self.jobs.is_final_solve && area_m2 >= LEAST_DISTURBED_M2) {
             self.told_disturbed_m2 = area_m2;
+            self.route.plan.ask_anew();
             let [x_m, y_m] = largest.centre_m;
             let bay = self.mapper.bay_at(x_m, y_m).map_or_else(String::new, |b| format!(" in {b}"));
             let text = format!(

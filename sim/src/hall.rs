@@ -9,9 +9,9 @@ use crate::vehicle::VehicleSettings;
 use crate::world::{Bay, Cuboid, Region, World};
 use std::path::PathBuf;
 use stockpilot::config::{
-    BaySection, CameraSection, Config, FilterSection, HallSection, LensName, LidarSection,
-    LinkSection, LogSection, MarkersSection, MissionSection, MountSection, ObstacleSection,
-    PlanningSection, RectSection, SurfaceSection, TagSection, UncertaintySection,
+    BaySection, CameraSection, Config, ExternalSection, FilterSection, HallSection, LensName,
+    LidarSection, LinkSection, LogSection, MarkersSection, MissionSection, MountSection,
+    ObstacleSection, PlanningSection, RectSection, SurfaceSection, TagSection, UncertaintySection,
 };
 use stockpilot::geometry::{Body, Camera, Frame, Rotation, Transform};
 
@@ -72,6 +72,7 @@ pub fn config(scenario: &Scenario, devices: Devices) -> Config {
             leg_spacing_m: conditions.leg_spacing_m,
             target_percent: conditions.target_percent,
             shadows: conditions.shadows,
+            external: external(&conditions.planner_command),
             max_speed_mps: conditions.cruise_mps.unwrap_or(planning.max_speed_mps),
             ..planning
         },
@@ -87,6 +88,11 @@ pub fn config(scenario: &Scenario, devices: Devices) -> Config {
         fence: None,
         points: Vec::new(),
     }
+}
+
+fn external(command: &[String]) -> Option<ExternalSection> {
+    (!command.is_empty())
+        .then(|| ExternalSection { command: command.to_vec(), ..ExternalSection::default() })
 }
 
 const fn uncertainty(sigmas: &CalibrationSigmas) -> UncertaintySection {

@@ -21,6 +21,8 @@ const N_PENDING: usize = 2;
 
 /// Waypoints whose ways are looked at.
 const N_LOOKED_AT: usize = 10;
+/// A program outside that fails so often in a row is not asked again.
+const MOST_FAILURES: u32 = 3;
 
 /// The waypoints of the survey.
 #[derive(Debug, Clone)]
@@ -38,6 +40,10 @@ pub(super) struct SurveyPlan {
     asked_behind: Option<Waypoint>,
     /// Why no further plan is asked for.
     end: Option<PlanEnd>,
+    /// Something has changed since the plan was asked for.
+    is_stale: bool,
+    /// Failures of the program outside since its last plan.
+    n_failures: u32,
 }
 
 /// What a plan rests on besides map and free space.
@@ -65,6 +71,8 @@ impl SurveyPlan {
             planned_at_step: None,
             asked_behind: None,
             end: None,
+            is_stale: false,
+            n_failures: 0,
         }
     }
 
@@ -75,6 +83,8 @@ impl SurveyPlan {
         self.planned_at_step = None;
         self.asked_behind = None;
         self.end = None;
+        self.is_stale = false;
+        self.n_failures = 0;
     }
 
     pub(super) const fn settings(&self) -> &Settings {
@@ -151,6 +161,7 @@ impl SurveyPlan {
             std::iter::once(from).chain(self.ahead.iter().take(n_pending).copied()).collect();
         let pending_m: f64 = pending.windows(2).map(|pair| pair[0].distance_m(&pair[1])).sum();
         self.asked_behind = pending.last().copied();
+        self.is_stale = false;
         Some(PlanRequest {
             settings: self.settings.clone(),
             current: self.ahead.iter().skip(n_pending).copied().collect(),
@@ -177,8 +188,9 @@ impl SurveyPlan {
             && match self.settings.planner {
                 PlannerKind::Greedy => self.ahead.len() < N_PENDING,
                 PlannerKind::SquareWave => self.planned_at_step.is_none(),
-                PlannerKind::Horizon => {
-                    self.ahead.is_empty()
+                PlannerKind::Horizon | PlannerKind::External => {
+                    self.is_stale
+                        || self.ahead.is_empty()
                         || self
                             .planned_at_step
                             .is_none_or(|step| self.steps_done >= step + REPLAN_AFTER_STEPS)
@@ -217,6 +229,7 @@ impl SurveyPlan {
         }
         self.ahead.extend(plan.waypoints);
         self.planned_at_step = Some(self.steps_done);
+        self.n_failures = 0;
         // A search goes on to better what it found; the others stand by their word.
         self.end = match (self.settings.planner, plan.end) {
             (_, PlanEnd::Open) => None,
@@ -226,6 +239,37 @@ impl SurveyPlan {
             (_, end) => Some(end),
         };
         true
+    }
+
+    /// Something has changed that the plan did not know: a search is asked again at once, even if it
+    /// had found that more flying hardly pays.
+    pub(super) fn ask_anew(&mut self) {
+        self.is_stale = true;
+        if self.end == Some(PlanEnd::SmallGain) {
+            self.end = None;
+        }
+    }
+
+    /// The waypoints ahead are not flown any more: a search goes on from where the vehicle is. What was
+    /// laid out once and for all stays.
+    pub(super) fn ask_from_here(&mut self) {
+        self.ask_anew();
+        if matches!(self.settings.planner, PlannerKind::Horizon | PlannerKind::External) {
+            self.ahead.clear();
+            // A plan that is being made goes on from elsewhere.
+            self.asked_behind = None;
+        }
+    }
+
+    /// A program outside gave no plan: what is ahead stands, and it is asked again. False once that has
+    /// happened too often.
+    pub(super) fn on_failure(&mut self) -> bool {
+        self.asked_behind = None;
+        self.n_failures += 1;
+        if self.n_failures >= MOST_FAILURES {
+            self.end = Some(PlanEnd::NothingFree);
+        }
+        self.end.is_none()
     }
 
     /// The planner gave nothing.

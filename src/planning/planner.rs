@@ -120,21 +120,23 @@ impl Plan {
 }
 
 impl PlanRequest {
-    /// Makes the plan by the configured planner.
+    /// Makes the plan by the configured planner; nothing if that is a program outside.
     #[must_use]
     pub fn run(&self) -> Plan {
-        self.settings.planner.planner().plan(self)
+        let planner = self.settings.planner.planner();
+        planner.map_or(Plan::nothing(PlanEnd::NothingFree), |planner| planner.plan(self))
     }
 }
 
 impl PlannerKind {
-    /// The planner of this kind.
+    /// The planner of this kind; `None` for a program outside.
     #[must_use]
-    pub fn planner(self) -> &'static dyn Planner {
+    pub fn planner(self) -> Option<&'static dyn Planner> {
         match self {
-            Self::SquareWave => &SquareWave,
-            Self::Greedy => &Greedy,
-            Self::Horizon => &Horizon,
+            Self::SquareWave => Some(&SquareWave),
+            Self::Greedy => Some(&Greedy),
+            Self::Horizon => Some(&Horizon),
+            Self::External => None,
         }
     }
 }

@@ -100,11 +100,7 @@ impl<'a> Scene<'a> {
 
     /// The waypoints of a straight leg, no further apart than a step.
     pub(super) fn steps(&self, from: &Waypoint, to: &Waypoint) -> Vec<Waypoint> {
-        let step_m = self.request.settings.step_radius_m;
-        let n_parts = (from.distance_m(to) / step_m - 1e-9).ceil().max(1.0);
-        std::iter::successors(Some(1.0), |k| (*k < n_parts).then_some(k + 1.0))
-            .map(|k| from.towards(to, k / n_parts))
-            .collect()
+        from.steps_to(to, self.request.settings.step_radius_m)
     }
 
     /// True if one may fly straight from one to the other, step by step as it will be flown.
