@@ -14,10 +14,11 @@ mod event;
 mod flight_path;
 mod intake;
 mod job;
+mod plan_news;
 mod route;
 mod survey_plan;
 
-pub use event::{Action, Event, FlightSummary, JobId, PhaseChange, VolumeReport};
+pub use event::{Action, Event, FlightSummary, JobId, PhaseChange, PlanChoice, VolumeReport};
 pub use job::{Job, JobOutput};
 
 use crate::geometry::{Hall, Point};
@@ -36,6 +37,7 @@ use crate::time::{Mono, Stamp};
 use crate::units::wrapped_rad;
 use intake::FrameWatch;
 use nalgebra::Vector3;
+use plan_news::PlanNews;
 use route::Route;
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -104,6 +106,7 @@ pub struct Pilot {
     ending: Option<Ending>,
     /// The disturbed area that the people were told of last, m².
     told_disturbed_m2: f64,
+    told_plan: PlanNews,
 }
 
 /// What a flight came to, before its last solve.
@@ -167,6 +170,7 @@ impl Pilot {
             energy: EnergyGauge::default(),
             ending: None,
             told_disturbed_m2: 0.0,
+            told_plan: PlanNews::default(),
         }
     }
 
@@ -378,6 +382,7 @@ impl Pilot {
                 self.mapper.restart();
                 self.accounts.clear();
                 self.told_disturbed_m2 = 0.0;
+                self.told_plan = PlanNews::default();
                 self.jobs.plan = None;
                 self.route.restart();
                 self.flown = FlownPath::default();
@@ -489,7 +494,8 @@ impl Pilot {
     fn solve_if_due(&mut self, actions: &mut Vec<Action>) {
         let is_measuring =
             matches!(self.mission.phase(), Phase::Survey | Phase::Return | Phase::Hold);
-        let is_due = self.now.since(self.jobs.last_solve_at) >= self.settings.solve_interval;
+        let is_due = self.now.since(self.jobs.last_solve_at) >= self.settings.solve_interval
+            || self.route.plan.awaits_account();
         if is_measuring && is_due && self.jobs.solve.is_none() {
             self.start_solve(false, actions);
         }
@@ -545,7 +551,7 @@ impl Pilot {
         match output {
             JobOutput::Planned(plan) if self.jobs.plan == Some(id) => {
                 self.jobs.plan = None;
-                self.route.on_plan(plan, self.now);
+                self.on_planned(&plan, actions);
             }
             JobOutput::SurfaceSolved(solved) if self.jobs.solve == Some(id) => {
                 self.jobs.solve = None;
@@ -561,10 +567,23 @@ impl Pilot {
         }
     }
 
+    /// Flies a plan, and lets everybody know what it is expected to lead to.
+    fn on_planned(&mut self, plan: &Plan, actions: &mut Vec<Action>) {
+        if !self.route.on_plan(plan, self.now) {
+            return;
+        }
+        let ahead: Vec<Waypoint> = self.route.plan.ahead().iter().copied().collect();
+        let choice = PlanChoice { at: self.now, ahead, end: plan.end, prediction: plan.prediction };
+        if let Some(text) = self.told_plan.news(&choice, self.accounts.first()) {
+            say(actions, Severity::Info, text);
+        }
+        actions.push(Action::PlanChosen(Box::new(choice)));
+    }
+
     /// Takes in what a program outside has planned, or tells the people that it failed.
     fn on_planned_outside(&mut self, found: Result<Plan, String>, actions: &mut Vec<Action>) {
         match found {
-            Ok(plan) => self.route.on_plan(plan, self.now),
+            Ok(plan) => self.on_planned(&plan, actions),
             Err(reason) => {
                 let is_asked_again = self.route.plan.on_failure();
                 let then = if is_asked_again { "asking again" } else { "ending the survey" };

@@ -3,11 +3,14 @@
 //!
 //! ```text
 //! Q = Q0 + Σ_seen a aᵀ ι dA,   q = Q⁻¹ w
-//! (σ^V)² = wᵀ q + Σ_k s_kᵀ P_k s_k + c,   s_k = Σ_{i∈k} ι_i a_iᵀ q ∂z_i/∂(z, θ_x, θ_y)
+//! (σ^V)² = wᵀ q + Σ_k s_kᵀ P_k s_k + Σ_j s² (w_j − A_j)₊² + c
+//! s_k = Σ_{i∈k} ι_i a_iᵀ q ∂z_i/∂(z, θ_x, θ_y)
 //! ```
 //! - `ι`: information about the coarse field per area that was seen, 1/m⁴: seen ground counts
 //!   once, however many beams hit it, but for what the noise of the beams leaves
 //! - `k`: stretch of a flight over which the pose's error stays the same; `P_k` its covariance
+//! - `A_j`: area seen around node j, m²; what is left of the node's share w_j is a hole too small for
+//!   the lattice, whose mean height differs by `s` from what the nodes around say
 //! - `c`: what no flight changes (calibration, base), m⁶
 //!
 //! Checked: `coarse_variance_matches_dense_algebra`.
@@ -16,6 +19,7 @@ use super::field_map::SolveField;
 use super::grid_map::SolveGrid;
 use super::mapper::SolveSurface;
 use super::matern_field::{FieldError, Functional, Information, Lattice, Prior, Row};
+use super::matern_kernel::matern_of;
 use super::region::Region;
 use crate::messages::GridGeometry;
 use crate::time::{Mono, Stamp};
@@ -30,6 +34,8 @@ pub struct CoarseField {
     prior: Prior,
     /// σ² of what the coarse field cannot follow inside one cell of the map, m².
     sub_var_m2: f64,
+    /// s²: variance of the mean height of a hole as large as a cell of the lattice, given its corners, m².
+    hole_var_m2: f64,
     /// Cells of the map.
     fine: GridGeometry,
     /// Area that counts, m².
@@ -70,6 +76,8 @@ pub struct VolumeVar {
     pub field_m6: f64,
     /// By the pose, m⁶.
     pub pose_m6: f64,
+    /// By holes smaller than the lattice shows, m⁶.
+    pub holes_m6: f64,
 }
 
 /// Nodes along the longer side of the region at most.
@@ -116,6 +124,7 @@ impl CoarseField {
         Ok(Self {
             functional: Functional::new(&Arc::new(lattice), &prior, w)?,
             sub_var_m2: SUB_VAR_SHARE * prior.sigma_m.powi(2),
+            hole_var_m2: hole_var_share(&prior, spacing_m) * prior.sigma_m.powi(2),
             prior,
             fine,
             area_m2,
@@ -230,7 +239,16 @@ impl CoarseField {
             .flat_map(|part| &part.windows)
             .map(|window| window.volume_var(&given.q))
             .sum();
-        Ok(VolumeVar { field_m6: given.var, pose_m6 })
+        Ok(VolumeVar { field_m6: given.var, pose_m6, holes_m6: self.holes_m6(&info) })
+    }
+
+    fn holes_m6(&self, info: &Information) -> f64 {
+        let area_per_info = 1.0 / self.info_per_area();
+        let unseen_m2 = |(node, share_m2): (usize, &f64)| {
+            (share_m2 - info.info_per_m2(node) * area_per_info).max(0.0)
+        };
+        let shares = self.functional.weights().iter().enumerate();
+        self.hole_var_m2 * shares.map(unseen_m2).map(|area_m2| area_m2 * area_m2).sum::<f64>()
     }
 }
 
@@ -238,7 +256,7 @@ impl VolumeVar {
     /// (σ^V)², m⁶.
     #[must_use]
     pub fn total_m6(&self) -> f64 {
-        self.field_m6 + self.pose_m6
+        self.field_m6 + self.pose_m6 + self.holes_m6
     }
 }
 
@@ -278,6 +296,17 @@ pub fn height_and_tilt_cov(pose_cov: &Matrix6<f64>, hall_from_body: &Matrix3<f64
     by.fixed_view_mut::<1, 3>(1, 3).copy_from(&hall_from_body.row(0));
     by.fixed_view_mut::<1, 3>(2, 3).copy_from(&hall_from_body.row(1));
     by * pose_cov * by.transpose()
+}
+
+/// Variance of the field in the middle of a square whose corners are known, over σ²; half of that for
+/// its mean, which is nearer to them.
+fn hole_var_share(prior: &Prior, spacing_m: f64) -> f64 {
+    let correlation = |distance_m: f64| matern_of(1.0, prior.kappa_per_m() * distance_m);
+    let diagonal_m = std::f64::consts::SQRT_2 * spacing_m;
+    let to_corner = correlation(0.5 * diagonal_m);
+    let between = 1.0 + 2.0 * correlation(spacing_m) + correlation(diagonal_m);
+    // Ordinary weights are equal by symmetry: 1 − kᵀ C⁻¹ k.
+    0.5 * (1.0 - 4.0 * to_corner * to_corner / between)
 }
 
 #[cfg(test)]

@@ -44,6 +44,8 @@ pub(super) struct SurveyPlan {
     is_stale: bool,
     /// Failures of the program outside since its last plan.
     n_failures: u32,
+    /// The planner believes that the target is reached; the next account says whether it is.
+    awaits_account: bool,
 }
 
 /// What a plan rests on besides map and free space.
@@ -73,6 +75,7 @@ impl SurveyPlan {
             end: None,
             is_stale: false,
             n_failures: 0,
+            awaits_account: false,
         }
     }
 
@@ -85,6 +88,7 @@ impl SurveyPlan {
         self.end = None;
         self.is_stale = false;
         self.n_failures = 0;
+        self.awaits_account = false;
     }
 
     pub(super) const fn settings(&self) -> &Settings {
@@ -131,6 +135,7 @@ impl SurveyPlan {
 
     /// Ends the survey where it is once the volume is sure enough. True if it does.
     pub(super) fn stops_at_target(&mut self, whole: &VolumeAccount) -> bool {
+        self.awaits_account = false;
         let estimate = &whole.estimate;
         let is_reached = self
             .settings
@@ -183,6 +188,7 @@ impl SurveyPlan {
 
     fn is_due(&self) -> bool {
         let is_open = self.end.is_none()
+            && !self.awaits_account
             && self.steps_done + self.ahead.len().min(N_PENDING) < self.settings.n_steps;
         is_open
             && match self.settings.planner {
@@ -218,7 +224,7 @@ impl SurveyPlan {
     }
 
     /// Takes in a plan. False if the vehicle has left the place from which it goes on.
-    pub(super) fn on_plan(&mut self, plan: Plan) -> bool {
+    pub(super) fn on_plan(&mut self, plan: &Plan) -> bool {
         let Some(behind) = self.asked_behind.take() else { return false };
         let place = self.ahead.iter().position(|waypoint| *waypoint == behind);
         match place {
@@ -227,18 +233,26 @@ impl SurveyPlan {
             None if self.ahead.is_empty() => {}
             None => return false,
         }
-        self.ahead.extend(plan.waypoints);
+        self.ahead.extend(plan.waypoints.iter().copied());
         self.planned_at_step = Some(self.steps_done);
         self.n_failures = 0;
         // A search goes on to better what it found; the others stand by their word.
         self.end = match (self.settings.planner, plan.end) {
             (_, PlanEnd::Open) => None,
-            (PlannerKind::Horizon, PlanEnd::Target | PlanEnd::Budget) if !self.ahead.is_empty() => {
-                None
-            }
+            // A search is asked again; and whether the target is reached is the account's to say.
+            (PlannerKind::Horizon, PlanEnd::Target) => None,
+            (PlannerKind::Horizon, PlanEnd::Budget) if !self.ahead.is_empty() => None,
             (_, end) => Some(end),
         };
+        self.awaits_account = self.settings.planner == PlannerKind::Horizon
+            && plan.end == PlanEnd::Target
+            && self.ahead.is_empty();
         true
+    }
+
+    /// True if nothing is flown until the next account is there.
+    pub(super) const fn awaits_account(&self) -> bool {
+        self.awaits_account
     }
 
     /// Something has changed that the plan did not know: a search is asked again at once, even if it

@@ -89,6 +89,21 @@ pub enum PlanEnd {
     NothingFree,
 }
 
+impl PlanEnd {
+    /// For logs.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Open => "open",
+            Self::Complete => "complete",
+            Self::Target => "target",
+            Self::SmallGain => "small_gain",
+            Self::Budget => "budget",
+            Self::NothingFree => "nothing_free",
+        }
+    }
+}
+
 /// What a plan is expected to lead to.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Prediction {

@@ -122,6 +122,7 @@ pub(super) fn encode_action(action: &Action) -> serde_json::Result<Encoded> {
         Action::VolumesAccounted(it) => {
             encode(Topic::Accounts, &twin::AccountsTwin::from(it.as_slice()))
         }
+        Action::PlanChosen(it) => encode(Topic::Plan, &twin::PlanTwin::from(it.as_ref())),
         Action::Ended(it) => encode_by(Topic::Ended, |to| twin::EndedTwin::serialize(it, to)),
     }
 }

@@ -14,7 +14,7 @@ pub(super) use events::{
     AutopilotPoseTwin, BatteryTwin, CommandOutcomeTwin, ImuTwin, InstantTwin, OperatorTwin,
     ScanTwin, TagsTwin, VehicleTwin,
 };
-pub(super) use jobs::FinishedTwin;
+pub(super) use jobs::{FinishedTwin, PlanTwin};
 pub(super) use results::{
     AccountsTwin, AnswerTwin, CommandTwin, EndedTwin, FixTwin, OdometryTwin, PhaseTwin,
     SetpointTwin, StartedTwin, SurfaceTwin, TextTwin, VolumeReportTwin,

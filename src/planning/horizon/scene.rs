@@ -16,6 +16,8 @@ pub(super) const METRES_PER_E_FOLD: f64 = 150.0;
 const AIM_SHARE: f64 = 0.95;
 /// σ^V of accounts over that of the coarse lattice before there is an account.
 const USUAL_SCALE: f64 = 1.15;
+/// Bounds of that ratio: beyond them the lattice says nothing of this map.
+const SCALES: (f64, f64) = (0.5, 10.0);
 /// Turning costs a little even where it takes no time, m/rad: of equal paths the calmer one.
 const TURN_COST_M: f64 = 0.05;
 /// A waypoint costs a little, m.
@@ -51,7 +53,8 @@ impl<'a> Scene<'a> {
             settings.nominal_height_m,
             settings.slope_sigma,
             settings.fix_var_share,
-        );
+        )
+        .among(&settings.space);
         let heights = settings.sees_shadows.then(|| surface.known_heights()).flatten();
         let mut known = field.seen(surface, None);
         let seen_var_m6 = field.volume_var(&[&known]).ok()?.total_m6();
@@ -59,7 +62,10 @@ impl<'a> Scene<'a> {
             let then = field.volume_var(&[&field.seen(surface, Some(account.at))]);
             let flown_m6 = account.sigma_m3.powi(2) - request.constant_var_m6;
             let scale = then.map(|then| (flown_m6 / then.total_m6()).sqrt());
-            scale.ok().filter(|s| s.is_finite()).map_or(USUAL_SCALE, |s| s.clamp(0.8, 2.0))
+            scale
+                .ok()
+                .filter(|s| s.is_finite())
+                .map_or(USUAL_SCALE, |s| s.clamp(SCALES.0, SCALES.1))
         });
         for pair in request.pending.windows(2) {
             let leg =
@@ -88,6 +94,17 @@ impl<'a> Scene<'a> {
     /// σ^V to reach, m³.
     pub(super) fn target_m3(&self) -> Option<f64> {
         self.request.settings.target_ratio.map(|ratio| ratio * self.request.volume_m3.abs())
+    }
+
+    /// The lowest and the highest level that fixes are known for, m.
+    pub(super) fn heights_m(&self) -> (f64, f64) {
+        let z = self.request.free_space.quality().axes().z;
+        (z.first, z.last())
+    }
+
+    /// True if there is a choice of heights.
+    pub(super) fn has_heights(&self) -> bool {
+        self.request.free_space.quality().axes().z.n > 1
     }
 
     /// What a leg costs in metres at cruise: a turn that takes longer than the way is waited for.

@@ -1,11 +1,11 @@
-//! The recorded form of finished jobs: a number, for a replay runs the job again, and the whole answer
+//! The recorded form of plans and finished jobs. Of a job a number, for a replay runs the job again, and the whole answer
 //! where a program outside was asked.
 
 use super::super::entry::RecordedEvent;
 use super::enums::JobIdTwin;
 use super::scalars::Nanos;
 use crate::geometry::Point;
-use crate::pilot::JobId;
+use crate::pilot::{JobId, PlanChoice};
 use crate::planning::Waypoint;
 use crate::planning::planner::{Plan, PlanEnd};
 use crate::time::{Mono, Stamp};
@@ -37,6 +37,38 @@ struct WaypointItem {
     y_m: f64,
     z_m: f64,
     yaw_rad: f64,
+}
+
+/// A plan that was taken in.
+#[derive(Serialize, JsonSchema)]
+pub(in crate::record) struct PlanTwin {
+    #[serde(rename = "at_ns", with = "Nanos")]
+    at: Stamp<Mono>,
+    ahead: Vec<WaypointItem>,
+    end: &'static str,
+    prediction: Option<PredictionItem>,
+}
+
+#[derive(Serialize, JsonSchema)]
+struct PredictionItem {
+    sigma_now_m3: f64,
+    sigma_end_m3: f64,
+    length_m: f64,
+}
+
+impl From<&PlanChoice> for PlanTwin {
+    fn from(choice: &PlanChoice) -> Self {
+        Self {
+            at: choice.at,
+            ahead: choice.ahead.iter().map(WaypointItem::from).collect(),
+            end: choice.end.name(),
+            prediction: choice.prediction.map(|it| PredictionItem {
+                sigma_now_m3: it.sigma_now_m3,
+                sigma_end_m3: it.sigma_end_m3,
+                length_m: it.length_m,
+            }),
+        }
+    }
 }
 
 impl FinishedTwin {
