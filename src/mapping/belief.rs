@@ -67,6 +67,8 @@ pub struct Sightings {
     pub info: Information,
     /// What its pose errors do.
     pub windows: Vec<PoseWindow>,
+    /// Area seen around each node, m².
+    seen_m2: Vec<f64>,
 }
 
 /// How uncertain the volume is.
@@ -158,7 +160,11 @@ impl CoarseField {
     /// Nothing seen.
     #[must_use]
     pub fn nothing_seen(&self) -> Sightings {
-        Sightings { info: Information::new(self.lattice()), windows: Vec::new() }
+        Sightings {
+            info: Information::new(self.lattice()),
+            windows: Vec::new(),
+            seen_m2: vec![0.0; self.lattice().n_nodes()],
+        }
     }
 
     /// What the map knows, or knew at an earlier instant; the cells of the paper's grid keep no past.
@@ -197,7 +203,19 @@ impl CoarseField {
             let arm = footprint.hall_from_body.rotation.matrix() * patch.arm();
             seen.add(&row, info, (arm.x, arm.y));
         });
+        let seen_cells = cell_info.iter().enumerate().filter(|(_, info)| **info > 0.0);
+        self.count_cells(&mut seen, seen_cells.map(|(cell, _)| cell));
         seen
+    }
+
+    /// Counts cells of the map as seen, once each.
+    fn count_cells(&self, seen: &mut Sightings, cells: impl Iterator<Item = usize>) {
+        for cell in cells {
+            let (x, y) = self.fine.centre_m(cell);
+            if let Some(row) = self.lattice().row_at(x, y) {
+                seen.count(&row, self.fine.cell_area_m2());
+            }
+        }
     }
 
     /// Every cell of the paper's grid as a datum of its own.
@@ -209,6 +227,7 @@ impl CoarseField {
             let (x, y) = self.fine.centre_m(cell);
             if let (true, Some(row)) = (info > 1e-9, self.lattice().row_at(x, y)) {
                 seen.info.add(&row, 0.0, info / (1.0 + info * self.sub_var_m2));
+                seen.count(&row, self.fine.cell_area_m2());
             }
         }
         seen
@@ -233,22 +252,21 @@ impl CoarseField {
         for part in others {
             info.merge(&part.info)?;
         }
+        let mut unseen_m2 = self.functional.weights().to_vec();
+        for part in parts {
+            unseen_m2.iter_mut().zip(&part.seen_m2).for_each(|(unseen, seen)| *unseen -= seen);
+        }
         let given = self.functional.given(&info)?;
         let pose_m6 = parts
             .iter()
             .flat_map(|part| &part.windows)
             .map(|window| window.volume_var(&given.q))
             .sum();
-        Ok(VolumeVar { field_m6: given.var, pose_m6, holes_m6: self.holes_m6(&info) })
+        Ok(VolumeVar { field_m6: given.var, pose_m6, holes_m6: self.holes_m6(&unseen_m2) })
     }
 
-    fn holes_m6(&self, info: &Information) -> f64 {
-        let area_per_info = 1.0 / self.info_per_area();
-        let unseen_m2 = |(node, share_m2): (usize, &f64)| {
-            (share_m2 - info.info_per_m2(node) * area_per_info).max(0.0)
-        };
-        let shares = self.functional.weights().iter().enumerate();
-        self.hole_var_m2 * shares.map(unseen_m2).map(|area_m2| area_m2 * area_m2).sum::<f64>()
+    fn holes_m6(&self, unseen_m2: &[f64]) -> f64 {
+        self.hole_var_m2 * unseen_m2.iter().map(|area_m2| area_m2.max(0.0).powi(2)).sum::<f64>()
     }
 }
 
@@ -261,6 +279,24 @@ impl VolumeVar {
 }
 
 impl Sightings {
+    /// Counts an area as seen, m², whatever it says.
+    pub fn count(&mut self, row: &Row, area_m2: f64) {
+        for (node, weight) in std::iter::zip(row.nodes, row.weights) {
+            self.seen_m2[node as usize] += weight * area_m2;
+        }
+    }
+
+    /// Everything that another part has seen, as well.
+    ///
+    /// # Errors
+    /// [`FieldError::Size`] for parts of different lattices.
+    pub fn merge(&mut self, other: Self) -> Result<(), FieldError> {
+        self.info.merge(&other.info)?;
+        self.windows.extend(other.windows);
+        self.seen_m2.iter_mut().zip(&other.seen_m2).for_each(|(mine, theirs)| *mine += theirs);
+        Ok(())
+    }
+
     /// Adds a datum of the newest window: information 1/R, and where it lies from the body in the
     /// axes of the hall, m.
     pub fn add(&mut self, row: &Row, info_per_m2: f64, (arm_x_m, arm_y_m): (f64, f64)) {

@@ -185,6 +185,7 @@ impl Sight {
             });
             let arm = end - at.place.coords.xy();
             seen.add(&row, info_per_area * area_m2 * share, (arm.x, arm.y));
+            seen.count(&row, area_m2 * share);
         }
     }
 }

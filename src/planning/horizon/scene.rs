@@ -70,8 +70,7 @@ impl<'a> Scene<'a> {
         for pair in request.pending.windows(2) {
             let leg =
                 sight.on_way(field, &request.free_space, heights.as_ref(), (&pair[0], &pair[1]));
-            known.info.merge(&leg.info).ok()?;
-            known.windows.extend(leg.windows);
+            known.merge(leg).ok()?;
         }
         Some(Self {
             request,
