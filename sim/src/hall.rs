@@ -84,7 +84,7 @@ pub fn config(scenario: &Scenario, devices: Devices) -> Config {
         tags: tags(world, &conditions.errors),
         bays: bays(world),
         exclusions: Vec::new(),
-        obstacles: world.obstacles.iter().map(obstacle).collect(),
+        obstacles: obstacles(world),
         fence: None,
         points: Vec::new(),
     }
@@ -164,6 +164,14 @@ fn bays(world: &World) -> Vec<BaySection> {
         density_sigma_t_per_m3: Some(sigma),
     };
     world.bays.iter().map(section).collect()
+}
+
+/// What stands in the hall, the walls of bays included: planners must know what they hide. What reaches
+/// the ceiling as a part of the hall's own walls is in their outline.
+fn obstacles(world: &World) -> Vec<ObstacleSection> {
+    let is_low = |wall: &&Cuboid| wall.max_m.z < world.hall.max_m.z;
+    let low_walls = world.walls_inside.iter().filter(is_low);
+    world.obstacles.iter().chain(low_walls).map(obstacle).collect()
 }
 
 fn obstacle(cuboid: &Cuboid) -> ObstacleSection {

@@ -36,6 +36,8 @@ pub struct CoarseField {
     sub_var_m2: f64,
     /// s²: variance of the mean height of a hole as large as a cell of the lattice, given its corners, m².
     hole_var_m2: f64,
+    /// Information per area that halves the variance of a hidden cell of the lattice, 1/m⁴.
+    doubt_info_per_area: f64,
     /// Cells of the map.
     fine: GridGeometry,
     /// Area that counts, m².
@@ -91,6 +93,8 @@ const CELLS_PER_RANGE: f64 = 4.0;
 /// Neighbouring cells are seen together, so this is the error of an area's mean rather than of a
 /// point; chosen so that predictions meet the accounts of flights.
 const SUB_VAR_SHARE: f64 = 0.01;
+/// σ of ground that may hide, over σ: there is known ground around it.
+const HIDDEN_SIGMA_SHARE: f64 = 0.5;
 /// Errors of the pose stay the same for about this long.
 const WINDOW: Duration = Duration::from_secs(1);
 
@@ -126,6 +130,7 @@ impl CoarseField {
         Ok(Self {
             functional: Functional::new(&Arc::new(lattice), &prior, w)?,
             sub_var_m2: SUB_VAR_SHARE * prior.sigma_m.powi(2),
+            doubt_info_per_area: 1.0 / (HIDDEN_SIGMA_SHARE * prior.sigma_m * spacing_m).powi(2),
             hole_var_m2: hole_var_share(&prior, spacing_m) * prior.sigma_m.powi(2),
             prior,
             fine,
@@ -155,6 +160,17 @@ impl CoarseField {
     #[must_use]
     pub fn info_per_area(&self) -> f64 {
         1.0 / (self.sub_var_m2 * self.fine.cell_area_m2())
+    }
+
+    /// Information per area of ground that is seen with this probability only, 1/m⁴: on average `1 − p`
+    /// of the variance stays, as after a datum of information p/((1 − p) s²) on a cell of the lattice.
+    ///
+    /// However often a doubtful ray is counted, it never makes ground as sure as seeing it does.
+    #[must_use]
+    pub fn info_per_area_seen_with(&self, probability: f64) -> f64 {
+        let sure = self.info_per_area();
+        let doubtful = probability / (1.0 - probability).max(0.0) * self.doubt_info_per_area;
+        if doubtful < sure { doubtful } else { sure }
     }
 
     /// Nothing seen.

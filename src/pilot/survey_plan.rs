@@ -325,15 +325,23 @@ impl SurveyPlan {
     }
 }
 
-/// Variance of the volume that no flight changes: calibration, markers, base.
+/// Variance of the volume that no flight changes: calibration, markers, base. The density concerns
+/// tonnes only.
 fn constant_var_m6(account: &VolumeAccount) -> f64 {
-    let flown =
-        [BudgetSource::Prior, BudgetSource::BeamNoise, BudgetSource::Roughness, BudgetSource::Pose];
-    account
-        .budget
-        .rows
-        .iter()
-        .filter(|row| !flown.contains(&row.source))
-        .map(|row| row.var_m6)
-        .sum()
+    let is_constant = |source: BudgetSource| match source {
+        BudgetSource::Prior
+        | BudgetSource::BeamNoise
+        | BudgetSource::Roughness
+        | BudgetSource::Occlusion
+        | BudgetSource::Pose
+        | BudgetSource::Density => false,
+        BudgetSource::LidarMounting
+        | BudgetSource::RangeBias
+        | BudgetSource::RangeScale
+        | BudgetSource::ClockOffset
+        | BudgetSource::MarkerMap
+        | BudgetSource::Base => true,
+    };
+    let rows = account.budget.rows.iter();
+    rows.filter(|row| is_constant(row.source)).map(|row| row.var_m6).sum()
 }

@@ -8,6 +8,9 @@ const STEP_CELLS: f64 = 0.8;
 /// A cell hides what is behind it only if it stands this far above the ray, in cells.
 const CLEARANCE_CELLS: f64 = 0.4;
 
+/// Ground that no ray has reached yet lies so much lower than the surface drawn over it, m.
+const HOLLOW_M: f64 = 0.5;
+
 /// Share of the ground at `end` (x, y) that is seen from `origin`: none behind ground that the map
 /// knows; else all of it where the map knows it, and `unknown_ratio` where it does not.
 #[must_use]
@@ -18,7 +21,9 @@ pub fn seen_ratio(
     unknown_ratio: f64,
 ) -> f64 {
     let Some(end_cell) = heights.grid.cell_at(end.x, end.y) else { return 0.0 };
-    let target = Vector3::new(end.x, end.y, heights.height_m[end_cell]);
+    // Ground is unknown because it was hidden so far: it lies low rather than high.
+    let hollow_m = if heights.is_known[end_cell] { 0.0 } else { HOLLOW_M };
+    let target = Vector3::new(end.x, end.y, heights.height_m[end_cell] - hollow_m);
     let way_m = (target - origin).xy().norm();
     let cell_m = heights.grid.cell_m;
     let n_parts = (way_m / (STEP_CELLS * cell_m)).ceil().max(1.0);

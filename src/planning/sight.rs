@@ -165,7 +165,6 @@ impl Sight {
         (before, now): (&ScanLine, &ScanLine),
         at: &Waypoint,
     ) {
-        let info_per_area = field.info_per_area();
         for (i, ray) in self.rays.iter().enumerate() {
             let range_m = ray.length * now.drop_m;
             if !(self.min_range_m..=self.max_range_m).contains(&range_m) {
@@ -184,7 +183,7 @@ impl Sight {
                 seen_ratio(heights, &now.origin, &end, ray.seen_ratio)
             });
             let arm = end - at.place.coords.xy();
-            seen.add(&row, info_per_area * area_m2 * share, (arm.x, arm.y));
+            seen.add(&row, field.info_per_area_seen_with(share) * area_m2, (arm.x, arm.y));
             seen.count(&row, area_m2 * share);
         }
     }

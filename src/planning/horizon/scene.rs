@@ -12,6 +12,8 @@ use std::sync::Arc;
 
 /// Λ: metres that one e-fold of σ^V is worth.
 pub(super) const METRES_PER_E_FOLD: f64 = 150.0;
+/// The same while a target is not reached: low enough that the length is felt on the way there.
+const METRES_PER_E_FOLD_ABOVE_TARGET: f64 = 60.0;
 /// The plan aims this far below the target, for predictions are not exact.
 const AIM_SHARE: f64 = 0.95;
 /// σ^V of accounts over that of the coarse lattice before there is an account.
@@ -232,8 +234,10 @@ impl<'a> Scene<'a> {
 
     /// What the search makes small, m.
     pub(super) fn score(&self, cost_m: f64, sigma_m3: f64) -> f64 {
-        let aim_m3 = self.target_m3().map_or(1e-3, |target_m3| AIM_SHARE * target_m3);
-        cost_m + METRES_PER_E_FOLD * (sigma_m3 / aim_m3).ln().max(0.0)
+        let (aim_m3, e_fold_m) = self.target_m3().map_or((1e-3, METRES_PER_E_FOLD), |target_m3| {
+            (AIM_SHARE * target_m3, METRES_PER_E_FOLD_ABOVE_TARGET)
+        });
+        cost_m + e_fold_m * (sigma_m3 / aim_m3).ln().max(0.0)
     }
 
     /// True if the path reaches what is aimed at.
