@@ -21,9 +21,9 @@ test:
 doc:
     RUSTDOCFLAGS='-D warnings' cargo doc --workspace --no-deps --locked
 
-# Python's MCAP readers open the log that the tests wrote.
+# Programs that others wrote: readers of the log, pymavlink, MAVProxy, MAVSDK.
 interop:
-    bash tests/interop/run target/interop target/tmp/every_channel.mcap
+    bash tests/interop/run target/interop target/debug target/tmp
 
 # One simulated flight through the real service: `just fly --world piles --planner square-wave`.
 fly *ARGS:

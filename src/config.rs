@@ -18,6 +18,8 @@ mod load;
 mod markers;
 mod mesh_file;
 mod obstacles;
+mod published;
+mod security;
 
 pub use bays::{BaseSection, BaySection, ExclusionSection};
 pub use cameras::{CameraSection, LensName};
@@ -32,3 +34,4 @@ pub use load::load;
 pub use markers::{MarkersSection, PointSection, TagSection};
 pub use mesh_file::MeshContent;
 pub use obstacles::{FenceSection, ObstacleSection, SpaceSection};
+pub use security::SigningSection;

@@ -10,13 +10,16 @@
 //! ```
 //!
 //! What is true of one family of autopilots only (mode numbers, which frames an ODOMETRY may
-//! carry, how a mode change is acknowledged) stands in `dialect`; PX4 is the one spoken.
+//! carry, how a mode change is acknowledged) stands in `dialect`: PX4 and `ArduPilot` are spoken,
+//! and the first heartbeat decides which.
 //!
 //! One message's way: a transport finds a frame, [`wire::decode`] makes a message of it,
 //! [`Session::on_message`] checks the sender and every number, and the brain sees an
 //! [`Event`](crate::pilot::Event) in SI units, Body or Hall axes and stamps of `Mono`.
 //!
-//! Not here: signing, forwarding between links, parameters, and a second autopilot. A system id
+//! [`Guard`] stands between transport and session: signatures, floods, addresses.
+//!
+//! Not here: forwarding between links, and a second autopilot. A system id
 //! above 255 is not spoken.
 
 mod autopilot_clock;
@@ -24,9 +27,13 @@ mod command;
 mod dialect;
 mod frames;
 mod inbound;
+mod operator;
 mod outbound;
+pub mod params;
+mod security;
 mod session;
 mod settings;
+pub mod signing;
 mod stats;
 mod streams;
 mod telemetry;
@@ -34,6 +41,7 @@ mod text;
 pub mod transport;
 pub mod wire;
 
+pub use security::{Guard, GuardStats, Network, NetworkError, SecuritySettings};
 pub use session::{Session, SessionOutput};
 pub use settings::{Address, AddressError, Settings};
 pub use stats::LinkStats;

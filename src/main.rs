@@ -1,5 +1,8 @@
 //! The onboard program and its tools.
 
+#[path = "main/params.rs"]
+mod params;
+
 use anyhow::Context;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use serde::Serialize;
@@ -39,6 +42,8 @@ enum Command {
     Change(ChangeArgs),
     /// Where the vehicle may fly, and where one more marker would help most.
     Plan(PlanArgs),
+    /// The autopilot's parameters beside a file's.
+    Params(params::ParamsArgs),
 }
 
 #[derive(Debug, Args)]
@@ -172,6 +177,7 @@ fn main() -> anyhow::Result<ExitCode> {
         Command::Merge(args) => run_merge(&args),
         Command::Change(args) => run_change(&args),
         Command::Plan(args) => plan(&args),
+        Command::Params(args) => params::run(&args),
     }
 }
 

@@ -26,6 +26,6 @@ pub use operator::{
 pub use scan::{Beam, Scan};
 pub use setpoint::Setpoint;
 pub use vehicle::{
-    AutopilotPose, BatterySample, CommandOutcome, FlightMode, LandedState, VehicleCommand,
-    VehicleState,
+    AutopilotPose, BatterySample, CommandOutcome, FlightMode, LandedState, TAKE_OFF_HEIGHT_M,
+    TakeOff, VehicleCommand, VehicleState,
 };

@@ -231,6 +231,11 @@ impl Pilot {
                 self.is_autopilot_lost = true;
                 self.localizer.set_on_ground(false);
             }
+            Event::AutopilotRebooted(_) => {
+                // Its map began anew with the next position that it takes from here.
+                say(actions, Severity::Critical, "the autopilot has restarted".to_owned());
+                self.run_mission(actions);
+            }
             Event::Finished { id, output, .. } => self.on_finished(id, *output, actions),
         }
     }
@@ -337,6 +342,11 @@ impl Pilot {
                 let yaw_rad = hall_from_body.rotation.yaw_rad();
                 wrapped_rad(yaw_rad - self.route.settings().yaw_rad)
             }),
+            height_over_home_m: self
+                .localizer
+                .pose()
+                .zip(self.home)
+                .map(|(hall_from_body, home)| hall_from_body.origin.coords.z - home.coords.z),
             is_trajectory_over: self.route.path().reached_end(self.now).is_some(),
             is_at_target: self.is_at_target(),
         }
@@ -356,6 +366,7 @@ impl Pilot {
             match effect {
                 Effect::Command(command) => actions.push(Action::Command(command)),
                 Effect::Say(severity, text) => say(actions, severity, text),
+                Effect::Lifted => self.take_over_climb(),
                 Effect::Enter { from, to, reason } => {
                     self.enter(from, to);
                     let change = PhaseChange { at: self.now, from, to, reason };
@@ -415,6 +426,15 @@ impl Pilot {
         }
     }
 
+    /// A command has lifted the vehicle: climb on from where it is.
+    fn take_over_climb(&mut self) {
+        let Some(hall_from_body) = self.localizer.pose() else { return };
+        self.stand(hall_from_body.origin);
+        if let Some(over_home) = self.home.map(|home| self.above(&home)) {
+            self.route.go_to(over_home, self.now);
+        }
+    }
+
     /// The place over `place` at the height of the flight, with the usual heading.
     fn above(&self, place: &Point<Hall>) -> Waypoint {
         let planning = self.route.settings();
@@ -429,7 +449,7 @@ impl Pilot {
     }
 
     fn steer(&mut self, actions: &mut Vec<Action>) {
-        if !self.mission.phase().is_steering() {
+        if !self.mission.is_steering() {
             return;
         }
         if self.route.path().trajectory().is_none()

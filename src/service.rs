@@ -24,8 +24,9 @@ mod status;
 pub use recorder::Recorder;
 pub use status::{ServiceStats, ServiceStatus};
 
+use crate::link::signing::{SigningError, WallClock};
 use crate::link::transport::Transport;
-use crate::link::{self, Session};
+use crate::link::{self, Guard, Session};
 use crate::pilot::{Event, Pilot};
 use crate::time::{Mono, Stamp};
 use brain::Brain;
@@ -68,6 +69,9 @@ pub enum ServiceError {
         #[source]
         source: std::io::Error,
     },
+    /// The key or the timestamps of signing cannot be had.
+    #[error(transparent)]
+    Signing(#[from] SigningError),
     /// The brain's task died.
     #[error("the brain stopped in the middle of its work")]
     Brain(#[source] tokio::task::JoinError),
@@ -81,10 +85,15 @@ impl Service {
     /// Opens the link and starts all tasks on the current tokio runtime.
     ///
     /// # Errors
-    /// [`ServiceError::Link`] if the link's socket cannot be had.
+    /// [`ServiceError::Link`] if the link's socket cannot be had, [`ServiceError::Signing`] if the
+    /// link is to be signed and cannot.
     pub async fn start(setup: ServiceSetup) -> Result<RunningService, ServiceError> {
         let ServiceSetup { pilot, link, clock, stop, scans, tags, recorder } = setup;
-        let transport = Transport::start(&link.address, clock.clone(), stop.child_token())
+        let wall = clock.clone();
+        let guard = Guard::open(&link.security, WallClock::new(move || wall.since_1970()))?;
+        let start =
+            Transport::start_guarded(&link.address, guard, clock.clone(), stop.child_token());
+        let transport = start
             .await
             .map_err(|source| ServiceError::Link { address: link.address.clone(), source })?;
         let link_addr = transport.local_addr();

@@ -1,6 +1,7 @@
-//! A stub autopilot that behaves on the wire and in the air as PX4 v1.16 does indoors.
+//! Stub autopilots that behave on the wire and in the air as PX4 v1.16 and `ArduCopter` 4.7 do
+//! indoors; [`StubAutopilot`] is either of them.
 //!
-//! [`StubPx4`] is a machine without I/O: messages in, one step per inertial sample, motor commands
+//! Each is a machine without I/O: messages in, one step per inertial sample, motor commands
 //! and messages out. Its only source of position is the ODOMETRY that the companion sends, so a
 //! bad estimate shows in flight.
 //!
@@ -9,17 +10,21 @@
 //! Not imitated: EVENT and the component metadata, missions, sticks, ENU and FLU external vision,
 //! and the climb of AUTO.RTL (the stub returns at its present height).
 
+mod ardupilot;
 mod commander;
 mod commands;
 mod controller;
+mod either;
 mod estimator;
 mod frames;
 mod guidance;
 mod landing;
+mod limits;
 mod mixer;
 mod modes;
 mod outbox;
 mod params;
+mod reports;
 mod routing;
 mod setpoint;
 mod streams;
@@ -28,6 +33,8 @@ mod takeoff;
 mod telemetry;
 mod timesync;
 
+pub use ardupilot::{ApMode, ApParams, ApType, StubArduPilot};
+pub use either::{Flavour, StubAutopilot};
 pub use modes::Px4Mode;
 pub use params::{ParamTable, ParamValue};
 pub use stub::{COMPANION_COMPONENT, Sensors, StubPx4};

@@ -35,6 +35,8 @@ pub struct FlyOptions {
     pub directory: PathBuf,
     /// Show a line of progress.
     pub shows_progress: bool,
+    /// Where a ground station may speak to the autopilot, instead of the operator within.
+    pub ground: Option<String>,
 }
 
 /// A flight that has not ended by then will not end by itself.
@@ -66,9 +68,13 @@ pub fn run(scenario: &Scenario, options: &FlyOptions) -> anyhow::Result<RunRepor
     write_config(&config, onboard.log())?;
     devices.connect(&onboard)?;
     let log = onboard.log().to_owned();
+    let operator = match &options.ground {
+        Some(address) => announced(Operator::at_station(address)?),
+        None => Operator::default(),
+    };
     let mut flight = Flight {
         rig: scenario.rig(),
-        operator: Operator::default(),
+        operator,
         poses: PoseJudge::default(),
         devices,
         driver,
@@ -89,6 +95,13 @@ pub fn run(scenario: &Scenario, options: &FlyOptions) -> anyhow::Result<RunRepor
         load: Some(load),
     };
     Ok(RunReport::new(scenario, &flight.rig, &measured, Some(log)))
+}
+
+/// Tells the ground station's address as the first line of the output.
+#[expect(clippy::print_stdout, reason = "the program's output")]
+fn announced((operator, address): (Operator, SocketAddr)) -> Operator {
+    println!("{{\"ground\":\"{address}\"}}");
+    operator
 }
 
 /// Waits for the service to end while the clock goes on, since its tasks may wait for an instant.

@@ -270,6 +270,7 @@ mod tests {
             surface: Surface::KalmanGrid,
             variance: None,
             lidar: Lidar::Ld19,
+            autopilot: crate::autopilot::Flavour::Px4,
             camera: CameraModel::ahead(),
             n_steps: 50,
             seed: 0,

@@ -5,6 +5,7 @@
 //! with what it judges. [`campaign`] feeds the brain directly, [`fly`] flies the real service.
 
 pub mod autopilot;
+pub mod autopilot_command;
 pub mod calibration;
 pub mod camera;
 pub mod camera_faults;

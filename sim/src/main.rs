@@ -9,6 +9,7 @@ use stockpilot::messages::Verdict;
 use stockpilot::pilot::{Action, PlanChoice};
 use stockpilot::survey::accounts_table;
 use stockpilot::time::{Mono, Stamp};
+use stockpilot_sim::autopilot_command::{self, AutopilotArgs};
 use stockpilot_sim::camera::CameraArgs;
 use stockpilot_sim::campaign::{self, Witnessed};
 use stockpilot_sim::comparison::{self, ComparisonArgs};
@@ -37,6 +38,8 @@ enum Command {
     Consistency(ConsistencyArgs),
     /// The experiment of the paper: its pictures and its table.
     Paper(PaperArgs),
+    /// The stub autopilot as a program of its own, for clients that others wrote.
+    Autopilot(AutopilotArgs),
 }
 
 #[derive(Debug, Args)]
@@ -79,6 +82,10 @@ struct FlyArgs {
     /// Print one JSON object as the last line.
     #[arg(long)]
     json: bool,
+    /// Take off when a ground station says so that speaks MAVLink to this UDP address (`HOST:PORT`, port
+    /// 0 for a free one); the address is the first line of the output.
+    #[arg(long, value_name = "ADDRESS")]
+    ground: Option<String>,
 }
 
 fn main() -> anyhow::Result<ExitCode> {
@@ -89,6 +96,7 @@ fn main() -> anyhow::Result<ExitCode> {
         Some(Command::Campaign(args)) => run_campaign(&args),
         Some(Command::Consistency(args)) => consistency::run(&args).map(|()| ExitCode::SUCCESS),
         Some(Command::Paper(args)) => paper::run(&args).map(|()| ExitCode::SUCCESS),
+        Some(Command::Autopilot(args)) => autopilot_command::run(&args).map(|()| ExitCode::SUCCESS),
         Some(Command::Fly(args)) => run_fly(&args),
         None => run_fly(&FlyArgs::parse_from(["fly"])),
     }
@@ -99,8 +107,12 @@ fn run_fly(args: &FlyArgs) -> anyhow::Result<ExitCode> {
     anyhow::ensure!(args.speed > 0.0 && args.speed <= 100.0, "--speed is 0 to 100");
     let mut scenario = args.scenario.scenario(args.seed)?;
     args.camera.apply(&mut scenario.camera);
-    let options =
-        FlyOptions { speed: args.speed, directory: args.log.clone(), shows_progress: true };
+    let options = FlyOptions {
+        speed: args.speed,
+        directory: args.log.clone(),
+        shows_progress: true,
+        ground: args.ground.clone(),
+    };
     let run = fly::run(&scenario, &options)?;
     if args.json {
         println!("{}", serde_json::to_string(&run)?);

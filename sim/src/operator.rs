@@ -1,11 +1,13 @@
-//! The person at the ground station: says start, and listens.
+//! The person at the ground station: says start, and listens. Or a real ground station on a socket.
 
-use crate::autopilot::{COMPANION_COMPONENT, StubPx4};
-use mavlink::MavHeader;
+use crate::autopilot::{COMPANION_COMPONENT, StubAutopilot};
+use anyhow::Context as _;
 use mavlink::dialects::ardupilotmega::{
     COMMAND_LONG_DATA, HEARTBEAT_DATA, MavAutopilot, MavCmd, MavMessage, MavModeFlag, MavState,
     MavType, NAMED_VALUE_FLOAT_DATA,
 };
+use mavlink::{MAVLinkV2MessageRaw, MavHeader, MavlinkReader};
+use std::net::{SocketAddr, UdpSocket};
 use std::time::Duration;
 use stockpilot::time::{Mono, Stamp};
 
@@ -20,6 +22,14 @@ pub struct Operator {
     pub texts: Vec<String>,
     /// The last value of VOLUME, m³, as a ground station shows it.
     pub volume_m3: Option<f32>,
+    station: Option<Station>,
+}
+
+/// A program of others that hears everything and says when to start.
+#[derive(Debug)]
+struct Station {
+    socket: UdpSocket,
+    peer: Option<SocketAddr>,
 }
 
 /// The vehicle is left alone for its sensors to settle before the start.
@@ -32,15 +42,39 @@ const AUTOPILOT_SYSTEM: u8 = 1;
 const GROUND_STATION: MavHeader = MavHeader { system_id: 255, component_id: 190, sequence: 0 };
 
 impl Operator {
+    /// Leaves the talking to a ground station that speaks to this address (`HOST:PORT`, port 0 for a
+    /// free one), and gives the address that was taken.
+    ///
+    /// # Errors
+    /// If the address cannot be had.
+    pub fn at_station(address: &str) -> anyhow::Result<(Self, SocketAddr)> {
+        let open = || {
+            let socket = UdpSocket::bind(address)?;
+            socket.set_nonblocking(true)?;
+            Ok::<_, std::io::Error>((socket.local_addr()?, socket))
+        };
+        let (local, socket) =
+            open().with_context(|| format!("no socket for the ground station at {address}"))?;
+        let station = Some(Station { socket, peer: None });
+        Ok((Self { station, ..Self::default() }, local))
+    }
+
     /// Sends one of the user commands with the next step; nobody looks after it.
     pub fn ask(&mut self, command: MavCmd) {
         self.wishes.push(command);
     }
 
     /// Speaks and listens once per step of the simulation.
-    pub fn step(&mut self, now: Stamp<Mono>, autopilot: &mut StubPx4) {
+    pub fn step(&mut self, now: Stamp<Mono>, autopilot: &mut StubAutopilot) {
         for (header, message) in autopilot.to_ground_station() {
             self.hear(header, &message);
+            if let Some(station) = &self.station {
+                station.show(header, &message);
+            }
+        }
+        if let Some(station) = &mut self.station {
+            station.pass_on(now, autopilot);
+            return;
         }
         if now >= self.next_heartbeat {
             self.next_heartbeat = now.plus(HEARTBEAT_EVERY);
@@ -70,6 +104,29 @@ impl Operator {
                 self.volume_m3 = Some(*value);
             }
             _ => {}
+        }
+    }
+}
+
+impl Station {
+    /// A datagram that is lost is lost, as on a radio.
+    fn show(&self, header: MavHeader, message: &MavMessage) {
+        let Some(peer) = self.peer else { return };
+        let mut frame = MAVLinkV2MessageRaw::new();
+        frame.serialize_message(header, message);
+        if let Err(error) = self.socket.send_to(frame.raw_bytes(), peer) {
+            tracing::debug!(%error, "the ground station missed a message");
+        }
+    }
+
+    fn pass_on(&mut self, now: Stamp<Mono>, autopilot: &mut StubAutopilot) {
+        let mut buffer = [0; 2_048];
+        while let Ok((length, from)) = self.socket.recv_from(&mut buffer) {
+            self.peer = Some(from);
+            let mut reader = MavlinkReader::new(&buffer[..length]);
+            while let Ok((header, message)) = reader.read_any_message::<MavMessage>() {
+                autopilot.forward(now, header, &message);
+            }
         }
     }
 }

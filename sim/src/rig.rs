@@ -1,6 +1,6 @@
 //! The true hall with the flying vehicle in it: everything that is not stockpilot.
 
-use crate::autopilot::{ParamTable, Sensors, StubPx4};
+use crate::autopilot::{Flavour, Sensors, StubAutopilot};
 use crate::camera::{CameraModel, CameraSimulator};
 use crate::lidar::{LidarModel, LidarSimulator, Packet, PoseTrack};
 use crate::machine::Machine;
@@ -23,7 +23,7 @@ const BOOT_LEAD: Duration = Duration::from_millis(12_345);
 pub struct Rig {
     world: World,
     vehicle: Vehicle,
-    autopilot: StubPx4,
+    autopilot: StubAutopilot,
     motors: MotorCommands,
     track: PoseTrack,
     lidar: LidarSimulator,
@@ -53,7 +53,7 @@ impl Rig {
         let pose = Transform::new(Rotation::from_euler_rad(0.0, 0.0, pad.yaw_rad), pad.position);
         Self {
             vehicle: Vehicle::new(VehicleSettings::default(), &pose, start, seeds),
-            autopilot: StubPx4::new(ParamTable::indoor(), BOOT_LEAD),
+            autopilot: StubAutopilot::indoor(Flavour::Px4, BOOT_LEAD),
             motors: MotorCommands::default(),
             track: PoseTrack::default(),
             lidar: LidarSimulator::new(lidar, seeds, start),
@@ -62,6 +62,13 @@ impl Rig {
             machine: None,
             flown_m: 0.0,
         }
+    }
+
+    /// The same rig under an autopilot of this family.
+    #[must_use]
+    pub fn with_autopilot(mut self, flavour: Flavour) -> Self {
+        self.autopilot = StubAutopilot::indoor(flavour, BOOT_LEAD);
+        self
     }
 
     /// The same rig in a hall where a machine drives about.
@@ -142,13 +149,13 @@ impl Rig {
     }
 
     /// The autopilot, to talk to and to torment.
-    pub const fn autopilot_mut(&mut self) -> &mut StubPx4 {
+    pub const fn autopilot_mut(&mut self) -> &mut StubAutopilot {
         &mut self.autopilot
     }
 
     /// The autopilot.
     #[must_use]
-    pub const fn autopilot(&self) -> &StubPx4 {
+    pub const fn autopilot(&self) -> &StubAutopilot {
         &self.autopilot
     }
 

@@ -1,5 +1,6 @@
 //! What is flown: world, planner, sensors and seeds of one run.
 
+use crate::autopilot::Flavour;
 use crate::calibration::{CalibrationErrors, CalibrationSigmas, ErrorSource};
 use crate::camera::CameraModel;
 use crate::hazards::Hazards;
@@ -44,6 +45,9 @@ pub struct ScenarioArgs {
     /// The LiDAR: 4,500 or 21,600 samples/s.
     #[arg(long, value_enum, default_value_t = Lidar::Ld19)]
     pub lidar: Lidar,
+    /// The family of the stub autopilot.
+    #[arg(long, value_enum, default_value_t = Flavour::Px4)]
+    pub autopilot: Flavour,
     /// Waypoints of the survey.
     #[arg(long, default_value_t = 50)]
     pub steps: usize,
@@ -263,6 +267,8 @@ pub struct Scenario {
     pub variance: Option<Variance>,
     /// Which LiDAR.
     pub lidar: Lidar,
+    /// The family of the autopilot.
+    pub autopilot: Flavour,
     /// The camera.
     pub camera: CameraModel,
     /// Waypoints.
@@ -279,7 +285,8 @@ impl Scenario {
     pub fn rig(&self) -> Rig {
         let Conditions { errors, hazards, .. } = &self.conditions;
         let lidar = hazards.applied_to(&errors.true_lidar(&self.lidar.model()));
-        let rig = Rig::new(self.world.clone(), lidar, self.camera.clone(), self.seed);
+        let rig = Rig::new(self.world.clone(), lidar, self.camera.clone(), self.seed)
+            .with_autopilot(self.autopilot);
         if hazards.has_machine {
             rig.with_machine(Machine::drawn(&self.world, SeedBook::new(self.seed)))
         } else {
@@ -303,6 +310,7 @@ impl ScenarioArgs {
             surface: self.surface,
             variance: self.variance,
             lidar: self.lidar,
+            autopilot: self.autopilot,
             camera,
             n_steps: self.steps,
             seed,

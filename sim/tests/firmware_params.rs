@@ -1,4 +1,4 @@
-//! The parameter file for PX4 agrees with its README and with the simulated autopilot.
+//! The parameter files agree with their pages, and PX4's with the simulated autopilot.
 
 #![expect(clippy::unwrap_used, clippy::panic, reason = "a test may stop at the first surprise")]
 
@@ -7,6 +7,8 @@ use stockpilot_sim::autopilot::{ParamTable, ParamValue};
 
 const FILE: &str = include_str!("../../firmware-params/px4-indoor-vision.params");
 const README: &str = include_str!("../../firmware-params/README.md");
+const ARDUPILOT_FILE: &str = include_str!("../../firmware-params/ardupilot-indoor-vision.parm");
+const ARDUPILOT_PAGE: &str = include_str!("../../firmware-params/ardupilot.md");
 
 /// MAVLink's numbers for INT32 and REAL32.
 const INT32: &str = "6";
@@ -32,7 +34,11 @@ fn file_values() -> BTreeMap<&'static str, ParamValue> {
 
 /// Rows of the README's tables that begin with a parameter's name: its other columns by name.
 fn readme_rows(n_columns: usize) -> BTreeMap<&'static str, Vec<&'static str>> {
-    let rows = README.lines().filter_map(|line| {
+    rows_of(README, n_columns)
+}
+
+fn rows_of(page: &'static str, n_columns: usize) -> BTreeMap<&'static str, Vec<&'static str>> {
+    let rows = page.lines().filter_map(|line| {
         let cells: Vec<_> = line.strip_prefix("| `")?.strip_suffix(" |")?.split(" | ").collect();
         let name = cells.first()?.strip_suffix('`')?;
         (cells.len() == n_columns).then(|| (name, cells[1..].to_vec()))
@@ -96,4 +102,35 @@ fn the_pilot_keeps_the_switches() {
     assert_eq!(file["COM_RC_IN_MODE"], ParamValue::Int(0));
     assert_eq!(file["COM_RCL_EXCEPT"], ParamValue::Int(0));
     assert_eq!(readme_rows(3)["COM_RC_IN_MODE"][0], "4");
+}
+
+/// What was set when ArduCopter's simulator flew on ODOMETRY without GPS and without compass.
+const ARDUPILOT_FLOWN: [(&str, f64); 8] = [
+    ("COMPASS_ENABLE", 0.0),
+    ("EK3_SRC1_POSXY", 6.0),
+    ("EK3_SRC1_POSZ", 6.0),
+    ("EK3_SRC1_VELXY", 6.0),
+    ("EK3_SRC1_VELZ", 6.0),
+    ("EK3_SRC1_YAW", 6.0),
+    ("GPS1_TYPE", 0.0),
+    ("VISO_TYPE", 1.0),
+];
+
+#[test]
+fn every_ardupilot_parameter_is_justified_with_its_value() {
+    let page = rows_of(ARDUPILOT_PAGE, 4);
+    let rows = ARDUPILOT_FILE.lines().filter(|line| !line.starts_with('#'));
+    let file: BTreeMap<&str, f64> = rows
+        .map(|row| row.split_once(' ').map(|(name, value)| (name, value.parse().unwrap())).unwrap())
+        .collect();
+    assert!(file.len() > 10 && file.keys().eq(page.keys()), "{:?} {:?}", file.keys(), page.keys());
+    for (name, cells) in &page {
+        let told: f64 = cells[0].parse().unwrap();
+        assert!((file[name] - told).abs() < 1e-9, "{name}: {told} on the page");
+        assert!(cells[1].len() > 20, "{name} has no reason");
+        let is_flown = ARDUPILOT_FLOWN
+            .iter()
+            .any(|(flown, value)| flown == name && (value - told).abs() < 1e-9);
+        assert_eq!(cells[2], if is_flown { "flown" } else { "documentation" }, "{name}");
+    }
 }

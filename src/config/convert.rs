@@ -91,6 +91,8 @@ impl Config {
                 "link.autopilot_pose_rate_hz",
                 self.link.autopilot_pose_rate_hz,
             )?,
+            security: self.link.security()?,
+            published: self.published(),
         })
     }
 

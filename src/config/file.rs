@@ -4,6 +4,7 @@ use super::bays::{BaseSection, BaySection, ExclusionSection, default_base_sigma_
 use super::cameras::CameraSection;
 use super::markers::{MarkersSection, PointSection, TagSection};
 use super::obstacles::{FenceSection, ObstacleSection, SpaceSection};
+use super::security::SigningSection;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -126,6 +127,12 @@ pub struct LinkSection {
     pub imu_rate_hz: f64,
     /// Positions asked of the autopilot, Hz.
     pub autopilot_pose_rate_hz: f64,
+    /// Addresses and networks whose datagrams are taken; all of them if empty.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub peers: Vec<String>,
+    /// Signing; without it frames are unsigned.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub signing: Option<SigningSection>,
 }
 
 impl Default for LinkSection {
@@ -134,6 +141,8 @@ impl Default for LinkSection {
             address: "udpin:0.0.0.0:14540".to_owned(),
             imu_rate_hz: 200.0,
             autopilot_pose_rate_hz: 10.0,
+            peers: Vec::new(),
+            signing: None,
         }
     }
 }

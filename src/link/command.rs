@@ -127,16 +127,19 @@ impl Commands {
 
 impl Attempt {
     fn message(&self, target_system: u8) -> MavMessage {
-        let [param1, param2, param3] = self.wire.params;
+        let [param1, param2, param3, param4, param5, param6, param7] = self.wire.params;
         MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
             param1,
             param2,
             param3,
+            param4,
+            param5,
+            param6,
+            param7,
             command: self.wire.command,
             target_system,
             target_component: AUTOPILOT_COMPONENT,
             confirmation: self.attempts - 1,
-            ..Default::default()
         })
     }
 }

@@ -7,9 +7,10 @@ use super::frames::{half_turned, hall_from_body_rot};
 use crate::geometry::{Body, Direction, Hall, Point, Rotation};
 use crate::messages::{BatterySample, LandedState, OperatorVerb};
 use crate::time::{Boot, Mono, Stamp};
+use crate::units::GRAVITY_MPS2;
 use mavlink::dialects::ardupilotmega::{
     ATTITUDE_QUATERNION_DATA, BATTERY_STATUS_DATA, HIGHRES_IMU_DATA, LOCAL_POSITION_NED_DATA,
-    MavCmd, MavLandedState, SYS_STATUS_DATA,
+    MavCmd, MavLandedState, RAW_IMU_DATA, SYS_STATUS_DATA,
 };
 use nalgebra::Vector3;
 
@@ -50,6 +51,13 @@ pub(crate) fn inertial(data: &HIGHRES_IMU_DATA) -> Option<(Vector3<f64>, Vector3
     let accel_frd = bounded(data.xacc, data.yacc, data.zacc, MAX_ACCEL_MPS2)?;
     let gyro_frd = bounded(data.xgyro, data.ygyro, data.zgyro, MAX_GYRO_RADPS)?;
     Some((half_turned(&accel_frd), half_turned(&gyro_frd)))
+}
+
+/// The same from whole numbers: thousandths of g and of rad/s, as `ArduPilot` sends them.
+pub(crate) fn raw_inertial(data: &RAW_IMU_DATA) -> (Vector3<f64>, Vector3<f64>) {
+    let accel = Vector3::new(data.xacc, data.yacc, data.zacc).map(f64::from);
+    let gyro = Vector3::new(data.xgyro, data.ygyro, data.zgyro).map(f64::from);
+    (half_turned(&(accel * (1e-3 * GRAVITY_MPS2))), half_turned(&(gyro * 1e-3)))
 }
 
 /// Position (m) and velocity (m/s) in the hall.

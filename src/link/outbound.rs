@@ -1,6 +1,7 @@
 //! Setpoints and the own pose as MAVLink carries them.
 
 use super::AUTOPILOT_COMPONENT;
+use super::dialect::Dialect;
 use super::frames::{half_turn, half_turned, ned_from_frd_wxyz};
 use crate::geometry::skew;
 use crate::messages::{NavEstimate, Setpoint, state};
@@ -41,6 +42,9 @@ pub(crate) const fn wire_millis(at: Stamp<Mono>) -> u32 {
 
 /// `SET_POSITION_TARGET_LOCAL_NED` with position, velocity, acceleration, yaw and yaw rate, all
 /// of them used; `None` if a number cannot be sent.
+///
+/// The velocity is not only for a flight without lag: `ArduPilot` flies on to a lone position for
+/// ever, and brakes `GUID_TIMEOUT` after the last velocity.
 pub(crate) fn setpoint(setpoint: &Setpoint, target_system: u8) -> Option<MavMessage> {
     let [x, y, z] = finite_vector(&half_turned(&setpoint.position.coords))?;
     let [vx, vy, vz] = finite_vector(&half_turned(&setpoint.velocity_mps.coords))?;
@@ -65,11 +69,11 @@ pub(crate) fn setpoint(setpoint: &Setpoint, target_system: u8) -> Option<MavMess
     }))
 }
 
-/// `ODOMETRY` as a vision estimate: pose in local NED, velocity in body FRD; `None` if a number
-/// cannot be sent.
+/// `ODOMETRY` as a vision estimate: pose in local NED, velocity in body FRD, as the autopilot's
+/// family reads it; `None` if a number cannot be sent.
 ///
 /// `time_usec` is this computer's clock, the same that answers TIMESYNC requests.
-pub(crate) fn odometry(estimate: &NavEstimate) -> Option<MavMessage> {
+pub(crate) fn odometry(estimate: &NavEstimate, dialect: Dialect) -> Option<MavMessage> {
     let pose = &estimate.hall_from_body;
     let velocity_body = pose.rotation.inverse() * estimate.velocity_mps;
     let [x, y, z] = finite_vector(&half_turned(&pose.origin.coords))?;
@@ -88,9 +92,10 @@ pub(crate) fn odometry(estimate: &NavEstimate) -> Option<MavMessage> {
         rollspeed,
         pitchspeed,
         yawspeed,
-        pose_covariance: wire_covariance(estimate, &pose_jacobian(estimate)?)?,
+        pose_covariance: dialect
+            .pose_covariance(wire_covariance(estimate, &pose_jacobian(estimate)?)?),
         velocity_covariance: wire_covariance(estimate, &velocity_jacobian(estimate))?,
-        frame_id: MavFrame::MAV_FRAME_LOCAL_NED,
+        frame_id: dialect.odometry_frame(),
         child_frame_id: MavFrame::MAV_FRAME_BODY_FRD,
         reset_counter: estimate.reset_counter,
         estimator_type: MavEstimatorType::MAV_ESTIMATOR_TYPE_VISION,
@@ -100,7 +105,7 @@ pub(crate) fn odometry(estimate: &NavEstimate) -> Option<MavMessage> {
 
 /// 100 at a perfect position, falling to 1 at [`WORST_SIGMA_M`] and beyond.
 #[expect(clippy::cast_possible_truncation, reason = "the value lies between 1 and 100")]
-fn quality(estimate: &NavEstimate) -> i8 {
+pub(crate) fn quality(estimate: &NavEstimate) -> i8 {
     let sigma_ratio = (estimate.position_sigma_m().max() / WORST_SIGMA_M).clamp(0.0, 1.0);
     (100.0 * (1.0 - sigma_ratio)).round().max(1.0) as i8
 }

@@ -1,6 +1,7 @@
 //! The protocol without I/O: who is who, what is asked, what is answered.
 
 mod act;
+mod origin;
 mod receive;
 mod samples;
 
@@ -8,6 +9,9 @@ pub(crate) use receive::is_known_autopilot;
 
 use super::autopilot_clock::AutopilotClock;
 use super::command::Commands;
+use super::dialect::Dialect;
+use super::operator::OperatorDesk;
+use super::params::ParamServer;
 use super::streams::Streams;
 use super::telemetry::Telemetry;
 use super::{LinkStats, OWN_COMPONENT, Settings};
@@ -19,12 +23,15 @@ use mavlink::MavHeader;
 use mavlink::dialects::ardupilotmega::{
     HEARTBEAT_DATA, MavAutopilot, MavMessage, MavModeFlag, MavState, MavType, TIMESYNC_DATA,
 };
+use origin::Origin;
 use std::time::Duration;
 
 const HEARTBEAT_EVERY: Duration = Duration::from_secs(1);
 const TIMESYNC_EVERY: Duration = Duration::from_millis(100);
 const AUTOPILOT_SILENT_FOR: Duration = Duration::from_secs(3);
-/// PX4's default `MAV_SYS_ID`, used only where this side has to speak before it has heard.
+/// A second autopilot counts as gone after so long without a heartbeat.
+const RIVAL_REMEMBERED_FOR: Duration = Duration::from_secs(10);
+/// The default system id of both families, used only where this side has to speak before it has heard.
 const FIRST_GUESS_SYSTEM: u8 = 1;
 
 /// What one call produced, in order.
@@ -46,8 +53,8 @@ impl SessionOutput {
 
 /// One autopilot, the people behind it, and this service's place among them.
 ///
-/// The first PX4 heartbeat of component 1 fixes the system id: it is the autopilot's and, with
-/// component 191, also the own one. Nothing is sent unless [`Session::on_time`] or
+/// The first heartbeat of component 1 that shows a known family fixes that family and the system
+/// id: it is the autopilot's and, with component 191, also the own one. Nothing is sent unless [`Session::on_time`] or
 /// [`Session::on_action`] is called, so the heartbeat stops when the caller stops.
 #[derive(Debug)]
 pub struct Session {
@@ -57,6 +64,8 @@ pub struct Session {
     commands: Commands,
     streams: Streams,
     telemetry: Telemetry,
+    operators: OperatorDesk,
+    params: ParamServer,
     heartbeat_sent_at: Option<Stamp<Mono>>,
     timesync_sent_at: Option<Stamp<Mono>>,
     stats: LinkStats,
@@ -66,6 +75,12 @@ pub struct Session {
 #[derive(Debug)]
 struct Autopilot {
     system: u8,
+    dialect: Dialect,
+    origin: Origin,
+    /// When another autopilot was last heard.
+    rival_heard_at: Option<Stamp<Mono>>,
+    /// The sequence number that its next frame should have.
+    next_sequence: Option<u8>,
     heard_at: Stamp<Mono>,
     is_lost: bool,
     state: VehicleState,
@@ -80,11 +95,13 @@ impl Session {
     pub fn new(settings: Settings) -> Self {
         Self {
             streams: Streams::new(&settings),
+            params: ParamServer::new(&settings.published),
             settings,
             autopilot: None,
             clock: AutopilotClock::default(),
             commands: Commands::default(),
             telemetry: Telemetry::default(),
+            operators: OperatorDesk::default(),
             heartbeat_sent_at: None,
             timesync_sent_at: None,
             stats: LinkStats::default(),
@@ -123,10 +140,15 @@ impl Session {
         if self.autopilot.is_some() || self.settings.address.speaks_first() {
             self.heartbeat(now, out);
         }
-        if let Some(Autopilot { system, is_lost: false, .. }) = self.autopilot {
+        if let Some(Autopilot { system, dialect, is_lost: false, origin, .. }) = &mut self.autopilot
+        {
+            let (system, dialect) = (*system, *dialect);
+            origin.on_time(dialect, system, now, &mut out.messages);
             self.timesync(system, now, out);
-            self.streams.on_time(system, now, &mut self.stats, &mut out.messages);
+            self.streams.on_time(system, dialect, now, &mut self.stats, &mut out.messages);
             self.commands.on_time(system, now, &mut self.stats, out);
+            self.params.on_time(&mut out.messages);
+            self.telemetry.on_time(now, &mut out.messages);
         }
         self.count_sent(sent_before, out);
     }
@@ -175,9 +197,13 @@ impl Session {
 }
 
 impl Autopilot {
-    const fn new(system: u8, state: VehicleState) -> Self {
+    const fn new(system: u8, dialect: Dialect, state: VehicleState) -> Self {
         Self {
             system,
+            dialect,
+            origin: Origin::new(),
+            rival_heard_at: None,
+            next_sequence: None,
             heard_at: state.at,
             is_lost: false,
             state,

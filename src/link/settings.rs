@@ -1,5 +1,7 @@
 //! How to reach the autopilot.
 
+use super::SecuritySettings;
+use super::params::Published;
 use std::fmt;
 use std::str::FromStr;
 
@@ -12,13 +14,24 @@ pub struct Settings {
     pub imu_rate_hz: f64,
     /// Positions asked of the autopilot, Hz.
     pub autopilot_pose_rate_hz: f64,
+    /// Who may speak.
+    pub security: SecuritySettings,
+    /// What ground stations may see of the configuration.
+    pub published: Vec<Published>,
 }
 
 impl Settings {
     /// 200 Hz inertial samples and 10 Hz positions from the autopilot at `address`.
     #[must_use]
     pub const fn new(address: Address) -> Self {
-        Self { address, imu_rate_hz: 200.0, autopilot_pose_rate_hz: 10.0 }
+        let security = SecuritySettings { peers: Vec::new(), signing: None };
+        Self {
+            address,
+            imu_rate_hz: 200.0,
+            autopilot_pose_rate_hz: 10.0,
+            security,
+            published: Vec::new(),
+        }
     }
 }
 

@@ -5,6 +5,8 @@
 pub struct LinkStats {
     /// Messages of the autopilot that were looked at.
     pub messages_in: u64,
+    /// Frames of the autopilot that its numbering skips: lost on the way.
+    pub messages_missed: u64,
     /// Messages handed out to be sent.
     pub messages_out: u64,
     /// Messages of systems or components that are not listened to.
@@ -27,6 +29,8 @@ pub struct LinkStats {
     pub autopilot_reboots: u64,
     /// Silences of the autopilot of more than 3 s.
     pub autopilot_losses: u64,
+    /// Origins of the map at a dangerous altitude that were set to 0.
+    pub origins_levelled: u64,
     /// Requests for a stream of messages.
     pub stream_requests: u64,
     /// Repetitions of unanswered commands.
@@ -39,4 +43,14 @@ pub struct LinkStats {
     pub unsupported_commands: u64,
     /// Messages that were not sent, for a number in them was NaN or infinite.
     pub outbound_refused: u64,
+}
+
+impl LinkStats {
+    /// Share of the autopilot's frames that were lost on the way, 0 to 1; 0 before the first.
+    #[must_use]
+    #[expect(clippy::cast_precision_loss, reason = "a share of counts below 2^53")]
+    pub fn missed_ratio(&self) -> f64 {
+        let all = self.messages_in + self.messages_missed;
+        if all == 0 { 0.0 } else { self.messages_missed as f64 / all as f64 }
+    }
 }

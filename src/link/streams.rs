@@ -1,12 +1,13 @@
 //! Asks the autopilot for the messages that are needed, and again when they stay away.
 
+use super::dialect::Dialect;
 use super::stats::LinkStats;
 use super::{AUTOPILOT_COMPONENT, Settings};
 use crate::time::{Mono, Stamp};
 use mavlink::MessageData;
 use mavlink::dialects::ardupilotmega::{
     ATTITUDE_QUATERNION_DATA, BATTERY_STATUS_DATA, COMMAND_LONG_DATA, EXTENDED_SYS_STATE_DATA,
-    HEARTBEAT_DATA, HIGHRES_IMU_DATA, LOCAL_POSITION_NED_DATA, MavCmd, MavMessage,
+    HEARTBEAT_DATA, HIGHRES_IMU_DATA, LOCAL_POSITION_NED_DATA, MavCmd, MavMessage, RAW_IMU_DATA,
 };
 use std::time::Duration;
 
@@ -15,6 +16,8 @@ const WATCH_WINDOW: Duration = Duration::from_secs(2);
 /// A stream slower than this share of what was asked for is asked for again. PX4 delivers its
 /// inertial samples at 160 to 182 Hz when 200 are asked for.
 const ENOUGH_RATIO: f64 = 0.5;
+/// Windows without a single inertial sample after which the other message for them is tried.
+const SILENT_WINDOWS: u8 = 2;
 /// The mode comes with the heartbeat: at the usual 1 Hz, setpoints would outlive the pilot's mode
 /// switch by up to a second.
 const MODE_RATE_HZ: f64 = 30.0;
@@ -24,6 +27,8 @@ const MODE_RATE_HZ: f64 = 30.0;
 pub(crate) struct Streams {
     streams: Vec<Stream>,
     judged_at: Option<Stamp<Mono>>,
+    /// Windows in a row without any inertial sample.
+    imu_silent: u8,
 }
 
 #[derive(Debug)]
@@ -44,7 +49,12 @@ impl Streams {
             stream(EXTENDED_SYS_STATE_DATA::ID, 5.0),
             stream(BATTERY_STATUS_DATA::ID, 1.0),
         ];
-        Self { streams, judged_at: None }
+        Self { streams, judged_at: None, imu_silent: 0 }
+    }
+
+    /// True if the autopilot has no inertial samples in SI units.
+    pub(crate) fn wants_raw_imu(&self) -> bool {
+        self.streams.iter().any(|stream| stream.message_id == RAW_IMU_DATA::ID)
     }
 
     /// Counts a message.
@@ -63,6 +73,7 @@ impl Streams {
     pub(crate) fn on_time(
         &mut self,
         target_system: u8,
+        dialect: Dialect,
         now: Stamp<Mono>,
         stats: &mut LinkStats,
         messages: &mut Vec<MavMessage>,
@@ -73,6 +84,9 @@ impl Streams {
             None => None,
         };
         self.judged_at = Some(now);
+        if window_s.is_some() && dialect.may_lack_highres_imu() {
+            self.watch_imu();
+        }
         for stream in &mut self.streams {
             if window_s.is_none_or(|window_s| !stream.flows(window_s)) {
                 stats.stream_requests += 1;
@@ -81,9 +95,24 @@ impl Streams {
             stream.arrivals = 0;
         }
     }
+
+    /// Older firmware knows only the one of the two messages with whole numbers.
+    fn watch_imu(&mut self) {
+        let Some(imu) = self.streams.iter_mut().find(|stream| stream.is_imu()) else { return };
+        self.imu_silent = if imu.arrivals == 0 { self.imu_silent + 1 } else { 0 };
+        if self.imu_silent >= SILENT_WINDOWS {
+            self.imu_silent = 0;
+            let is_highres = imu.message_id == HIGHRES_IMU_DATA::ID;
+            imu.message_id = if is_highres { RAW_IMU_DATA::ID } else { HIGHRES_IMU_DATA::ID };
+        }
+    }
 }
 
 impl Stream {
+    const fn is_imu(&self) -> bool {
+        matches!(self.message_id, HIGHRES_IMU_DATA::ID | RAW_IMU_DATA::ID)
+    }
+
     fn flows(&self, window_s: f64) -> bool {
         f64::from(self.arrivals) >= ENOUGH_RATIO * self.rate_hz * window_s
     }

@@ -9,6 +9,8 @@ use std::time::Duration;
 
 const VALUES_EVERY: Duration = Duration::from_secs(1);
 const TEXT_EVERY: Duration = Duration::from_secs(15);
+/// ODOMETRY leaves at 30 Hz while the position is known.
+const FIX_LOST_AFTER: Duration = Duration::from_millis(500);
 /// U = k σ covers 95 % of a normal distribution.
 const COVERAGE_FACTOR: f64 = 2.0;
 /// Letters in the name of a value: `NAMED_VALUE_FLOAT.name`.
@@ -19,6 +21,9 @@ const NAME_LETTERS: usize = 10;
 pub(crate) struct Telemetry {
     values_at: Option<Stamp<Mono>>,
     text_at: Option<Stamp<Mono>>,
+    fix_told_at: Option<Stamp<Mono>>,
+    /// The quality of the last published pose, and when that was.
+    fix: Option<(i8, Stamp<Mono>)>,
     next_text_id: u16,
     /// The newest volumes: of the whole region, then of its bays.
     accounts: Vec<VolumeAccount>,
@@ -30,6 +35,22 @@ impl Telemetry {
     /// Remembers the volumes that the next reports are about.
     pub(crate) fn note(&mut self, accounts: &[VolumeAccount]) {
         self.accounts = accounts.to_vec();
+    }
+
+    /// Remembers how good the pose is that was published just now, 1 to 100.
+    pub(crate) const fn fixed(&mut self, quality: i8, now: Stamp<Mono>) {
+        self.fix = Some((quality, now));
+    }
+
+    /// Appends the quality of the fix once a second, from the first fix on; 0 when it is lost.
+    pub(crate) fn on_time(&mut self, now: Stamp<Mono>, messages: &mut Vec<MavMessage>) {
+        let Some((quality, at)) = self.fix else { return };
+        if is_due(self.fix_told_at, VALUES_EVERY, now) {
+            self.fix_told_at = Some(now);
+            let is_lost = now.since(at) > FIX_LOST_AFTER;
+            let value = if is_lost { 0.0 } else { f64::from(quality) };
+            push_value("FIX_Q", Some(value), now, messages);
+        }
     }
 
     /// Appends the numbers and the line of `report`, as often as their turn comes; the final
@@ -105,7 +126,8 @@ fn volume_line(estimate: &VolumeEstimate, is_final: bool) -> String {
         if is_final { "final " } else { "" },
         estimate.volume_m3,
         COVERAGE_FACTOR * estimate.sigma_m3,
-        100.0 * estimate.coverage_ratio
+        // Not "-0 %".
+        (100.0 * estimate.coverage_ratio).max(0.0) + 0.0
     )
 }
 

@@ -8,7 +8,7 @@ mod stream;
 mod udp;
 
 use super::settings::Address;
-use super::wire;
+use super::{Guard, GuardStats, wire};
 use crate::time::{Mono, Stamp};
 use mavlink::dialects::ardupilotmega::MavMessage;
 use mavlink::{MAVLinkMessageRaw, MavHeader};
@@ -75,6 +75,8 @@ pub struct TransportStats {
     pub io_errors: u64,
     /// Times a stream was opened, the first included.
     pub opened: u64,
+    /// Frames that the guard refused.
+    pub guard: GuardStats,
 }
 
 /// The live counters behind [`TransportStats`].
@@ -103,28 +105,44 @@ pub struct Transport {
     /// What is to be sent.
     pub outgoing: mpsc::Sender<Outgoing>,
     counters: Arc<Counters>,
+    guard: Arc<Guard>,
     local_addr: Option<SocketAddr>,
     task: JoinHandle<()>,
 }
 
 impl Transport {
-    /// Opens `address` and works until `stop` is cancelled.
+    /// Opens `address`, unsigned and for everybody, and works until `stop` is cancelled.
+    ///
+    /// # Errors
+    /// As [`Self::start_guarded`].
+    pub async fn start<T: Timer>(
+        address: &Address,
+        timer: T,
+        stop: CancellationToken,
+    ) -> std::io::Result<Self> {
+        Self::start_guarded(address, Guard::unsigned(), timer, stop).await
+    }
+
+    /// Opens `address` behind `guard` and works until `stop` is cancelled.
     ///
     /// # Errors
     /// If a socket for datagrams cannot be had, or its peer's name is not known. Streams are tried
     /// again and again instead.
-    pub async fn start<T: Timer>(
+    pub async fn start_guarded<T: Timer>(
         address: &Address,
+        guard: Guard,
         timer: T,
         stop: CancellationToken,
     ) -> std::io::Result<Self> {
         let (received_tx, received) = mpsc::channel(CHANNEL_CAPACITY);
         let (outgoing, outgoing_rx) = mpsc::channel(CHANNEL_CAPACITY);
         let counters = Arc::new(Counters::default());
+        let guard = Arc::new(guard);
         let ends = Ends {
             received: received_tx,
             outgoing: outgoing_rx,
             counters: Arc::clone(&counters),
+            guard: Arc::clone(&guard),
             timer,
             sequence: 0,
         };
@@ -140,7 +158,7 @@ impl Transport {
                 tokio::spawn(stream::run(stream::Serial { path, baud }, ends, stop))
             }
         };
-        Ok(Self { received, outgoing, counters, local_addr, task })
+        Ok(Self { received, outgoing, counters, guard, local_addr, task })
     }
 
     /// The own address of a socket for datagrams.
@@ -164,6 +182,7 @@ impl Transport {
             send_failed: read(&c.send_failed),
             io_errors: read(&c.io_errors),
             opened: read(&c.opened),
+            guard: self.guard.stats(),
         }
     }
 
@@ -181,17 +200,22 @@ struct Ends<T> {
     received: mpsc::Sender<Received>,
     outgoing: mpsc::Receiver<Outgoing>,
     counters: Arc<Counters>,
+    guard: Arc<Guard>,
     timer: T,
     sequence: u8,
 }
 
-/// Decodes and hands on one frame; gives what was in it for the caller to look at.
+/// Decodes and hands on one frame that the guard lets pass.
 fn hand_on(
     raw: &MAVLinkMessageRaw,
     arrived: Stamp<Mono>,
     received: &mpsc::Sender<Received>,
     counters: &Counters,
+    guard: &Guard,
 ) {
+    if !guard.admits(raw, arrived) {
+        return;
+    }
     match wire::decode(raw) {
         Ok((header, message)) => match received.try_send(Received { header, message, arrived }) {
             Ok(()) => count(&counters.received),
@@ -202,8 +226,8 @@ fn hand_on(
 }
 
 /// The frame of a message, numbered by the sender's counter.
-fn numbered_frame(outgoing: &Outgoing, sequence: &mut u8) -> Vec<u8> {
+fn numbered_frame(outgoing: &Outgoing, sequence: &mut u8, guard: &Guard) -> Vec<u8> {
     let header = MavHeader { sequence: *sequence, ..outgoing.header };
     *sequence = sequence.wrapping_add(1);
-    wire::encode(header, &outgoing.message)
+    guard.frame(header, &outgoing.message)
 }

@@ -37,8 +37,22 @@ pub enum LandedState {
     Landing,
 }
 
+/// How the autopilot comes off the ground.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum TakeOff {
+    /// The companion's setpoints lift it (PX4).
+    BySetpoints,
+    /// A command lifts it to [`TAKE_OFF_HEIGHT_M`]; a setpoint on the ground would call the take-off
+    /// off (ArduPilot).
+    ByCommand,
+}
+
+/// Height over the ground to which [`VehicleCommand::TakeOff`] climbs, m.
+pub const TAKE_OFF_HEIGHT_M: f64 = 1.0;
+
 /// The autopilot's heartbeat and landed state.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[expect(clippy::struct_excessive_bools, reason = "independent facts of one heartbeat")]
 pub struct VehicleState {
     /// When it arrived.
     pub at: Stamp<Mono>,
@@ -50,6 +64,12 @@ pub struct VehicleState {
     pub landed: LandedState,
     /// The autopilot reports that a failsafe is active.
     pub in_failsafe: bool,
+    /// The autopilot has started up; before that, ArduPilot says yes to a mode and forgets it.
+    pub is_ready: bool,
+    /// Another autopilot was heard on the link within the last ten seconds.
+    pub is_contested: bool,
+    /// How it comes off the ground.
+    pub takes_off: TakeOff,
 }
 
 /// The flight battery.
@@ -87,6 +107,8 @@ pub enum VehicleCommand {
     Disarm,
     /// Follow this companion's setpoints.
     EnterCompanionMode,
+    /// Climb to [`TAKE_OFF_HEIGHT_M`] by itself, where [`TakeOff::ByCommand`] holds.
+    TakeOff,
     /// Keep the place without the companion.
     EnterHold,
     /// Land where it is, without the companion.

@@ -58,6 +58,12 @@ pub enum PreflightFault {
     /// The autopilot is silent.
     #[error("no heartbeat of the autopilot")]
     NoAutopilot,
+    /// It has not finished its start.
+    #[error("the autopilot is still starting up")]
+    NotReady,
+    /// Somebody else might obey.
+    #[error("a second autopilot is on the link")]
+    SecondAutopilot,
     /// The motors turn already.
     #[error("the vehicle is armed already")]
     ArmedAlready,
@@ -110,6 +116,8 @@ pub(super) fn preflight_fault(inputs: &Inputs, settings: &Settings) -> Option<Pr
     let heading = PreflightFault::Heading { degrees: heading_error_rad.to_degrees() };
     let checks = [
         (inputs.is_autopilot_lost, PreflightFault::NoAutopilot),
+        (!vehicle.is_ready, PreflightFault::NotReady),
+        (vehicle.is_contested, PreflightFault::SecondAutopilot),
         (vehicle.in_failsafe, PreflightFault::InFailsafe),
         (vehicle.is_armed, PreflightFault::ArmedAlready),
         (vehicle.landed != LandedState::OnGround, PreflightFault::NotOnGround),

@@ -2,7 +2,10 @@
 
 use super::Phase;
 use super::guards::{Settings, preflight_fault};
-use crate::messages::{FlightMode, OperatorVerb, Severity, VehicleCommand, VehicleState};
+use crate::messages::{
+    FlightMode, LandedState, OperatorVerb, Severity, TAKE_OFF_HEIGHT_M, TakeOff, VehicleCommand,
+    VehicleState,
+};
 use crate::time::{Mono, Stamp};
 
 /// Everything a decision rests on.
@@ -29,6 +32,8 @@ pub struct Inputs {
     pub is_plan_complete: bool,
     /// Heading of the body against that of the survey, rad; `None` without a pose.
     pub heading_error_rad: Option<f64>,
+    /// Height of the body over where the flight began, m; `None` without a pose.
+    pub height_over_home_m: Option<f64>,
     /// The present trajectory has come to its end, wherever the vehicle is.
     pub is_trajectory_over: bool,
     /// The end of the present trajectory is reached.
@@ -49,6 +54,8 @@ pub enum Effect {
         /// Why, for a person.
         reason: String,
     },
+    /// The take-off by command is done: steer from where the vehicle is.
+    Lifted,
     /// Tell the people.
     Say(Severity, String),
     /// The vehicle is on the ground and disarmed after a flight.
@@ -68,6 +75,7 @@ enum HoldCause {
 
 /// The state of the mission.
 #[derive(Debug, Clone, PartialEq)]
+#[expect(clippy::struct_excessive_bools, reason = "independent marks of one flight")]
 pub struct Mission {
     settings: Settings,
     phase: Phase,
@@ -86,7 +94,14 @@ pub struct Mission {
     /// In this preflight the companion has asked to arm.
     has_asked_to_arm: bool,
     is_complete: bool,
+    /// How this vehicle comes off the ground.
+    takes_off: TakeOff,
+    /// Setpoints may be sent: from the first on, or once a command has lifted the vehicle.
+    is_lifted: bool,
 }
+
+/// A commanded take-off counts as done from this share of its height on.
+const LIFTED_RATIO: f64 = 0.7;
 
 impl Mission {
     /// A mission on the ground.
@@ -105,6 +120,8 @@ impl Mission {
             was_companion: false,
             has_asked_to_arm: false,
             is_complete: false,
+            takes_off: TakeOff::BySetpoints,
+            is_lifted: false,
         }
     }
 
@@ -114,6 +131,20 @@ impl Mission {
         self.phase
     }
 
+    /// True while setpoints are to be sent.
+    ///
+    /// Where a command lifts the vehicle there are none before it flies: on the ground they would
+    /// call the take-off off.
+    #[must_use]
+    pub fn is_steering(&self) -> bool {
+        let is_on_ground = match self.phase {
+            Phase::Preflight => true,
+            Phase::TakeOff => !self.is_lifted,
+            _ => false,
+        };
+        self.phase.is_steering() && !(self.takes_off == TakeOff::ByCommand && is_on_ground)
+    }
+
     /// Takes a person's wish; true if it is done, under way, or was so already.
     pub fn on_operator(
         &mut self,
@@ -121,14 +152,18 @@ impl Mission {
         inputs: &Inputs,
         effects: &mut Vec<Effect>,
     ) -> bool {
-        use Phase::{Abort, Hold, Idle, Land, Preflight, Return, Survey, TakeOff};
+        use Phase::{Abort, Hold, Idle, Land, Preflight, Return, Survey};
         let wanted = match (verb, self.phase) {
             (OperatorVerb::Start, Idle) => Preflight,
-            (OperatorVerb::Start, Preflight | TakeOff | Survey)
+            (OperatorVerb::Start, Preflight | Phase::TakeOff | Survey)
             | (OperatorVerb::Resume, Survey) => {
                 return true;
             }
-            (OperatorVerb::Hold, TakeOff | Survey | Return) => {
+            // There is nothing to hold yet where a command lifts the vehicle.
+            (OperatorVerb::Hold | OperatorVerb::Return, Phase::TakeOff) if !self.is_steering() => {
+                Land
+            }
+            (OperatorVerb::Hold, Phase::TakeOff | Survey | Return) => {
                 self.resume_to = self.phase;
                 Hold
             }
@@ -139,10 +174,10 @@ impl Mission {
             }
             (OperatorVerb::Resume, Hold) if inputs.has_position => self.resume_to,
             (OperatorVerb::Hold | OperatorVerb::Return | OperatorVerb::Land, Preflight) => Idle,
-            (OperatorVerb::Return, TakeOff | Survey | Hold) if inputs.has_position => Return,
+            (OperatorVerb::Return, Phase::TakeOff | Survey | Hold) if inputs.has_position => Return,
             (OperatorVerb::Return, Return | Land) | (OperatorVerb::Land, Land) => return true,
-            (OperatorVerb::Land, TakeOff | Survey | Return | Hold) => Land,
-            (_, Idle | Preflight | TakeOff | Survey | Return | Land | Hold | Abort) => {
+            (OperatorVerb::Land, Phase::TakeOff | Survey | Return | Hold) => Land,
+            (_, Idle | Preflight | Phase::TakeOff | Survey | Return | Land | Hold | Abort) => {
                 return false;
             }
         };
@@ -157,6 +192,9 @@ impl Mission {
     pub fn step(&mut self, inputs: &Inputs, effects: &mut Vec<Effect>) {
         self.lost_since =
             if inputs.has_position { None } else { self.lost_since.or(Some(inputs.now)) };
+        if let Some(vehicle) = inputs.vehicle {
+            self.takes_off = vehicle.takes_off;
+        }
         if self.yields_to_others(inputs, effects) {
             return;
         }
@@ -232,6 +270,9 @@ impl Mission {
     }
 
     fn step_take_off(&mut self, inputs: &Inputs, effects: &mut Vec<Effect>) {
+        if !self.is_lifted && !self.lifts(inputs, effects) {
+            return;
+        }
         if self.holds_without_position(inputs, effects) || self.lands_on_battery(inputs, effects) {
             return;
         }
@@ -241,6 +282,33 @@ impl Mission {
             effects.push(Effect::Say(Severity::Error, "take-off takes too long".to_owned()));
             self.enter(Phase::Land, "take-off timed out", inputs.now, effects);
         }
+    }
+
+    /// Asks for the take-off until the vehicle is up; true once it is.
+    fn lifts(&mut self, inputs: &Inputs, effects: &mut Vec<Effect>) -> bool {
+        if self.takes_off == TakeOff::BySetpoints {
+            self.is_lifted = true;
+            return true;
+        }
+        if !inputs.has_position {
+            effects.push(Effect::Say(Severity::Error, "markers lost: no take-off".to_owned()));
+            self.enter(Phase::Land, "position lost", inputs.now, effects);
+            return false;
+        }
+        let landed = inputs.vehicle.map_or(LandedState::Unknown, |vehicle| vehicle.landed);
+        let is_flying = matches!(landed, LandedState::InAir | LandedState::TakingOff);
+        let is_high =
+            inputs.height_over_home_m.is_some_and(|h| h >= LIFTED_RATIO * TAKE_OFF_HEIGHT_M);
+        if is_flying && is_high {
+            self.is_lifted = true;
+            effects.push(Effect::Lifted);
+        } else if inputs.now.since(self.entered_at) > self.settings.take_off_timeout {
+            effects.push(Effect::Say(Severity::Error, "take-off takes too long".to_owned()));
+            self.enter(Phase::Land, "take-off timed out", inputs.now, effects);
+        } else if landed == LandedState::OnGround {
+            self.ask(VehicleCommand::TakeOff, inputs.now, effects);
+        }
+        self.is_lifted
     }
 
     fn step_survey(&mut self, inputs: &Inputs, effects: &mut Vec<Effect>) {
@@ -385,6 +453,7 @@ impl Mission {
         if to == Phase::Preflight {
             self.is_complete = false;
             self.was_companion = false;
+            self.is_lifted = false;
             self.has_asked_to_arm = false;
         }
         effects.push(Effect::Enter { from, to, reason: reason.to_owned() });

@@ -34,6 +34,8 @@ pub enum Event {
     Operator(OperatorCommand),
     /// The autopilot has not been heard for too long.
     AutopilotLost(Stamp<Mono>),
+    /// The autopilot has started anew: its clock fell back.
+    AutopilotRebooted(Stamp<Mono>),
     /// A job that an earlier [`Action::Start`] began is done.
     Finished {
         /// When its result reached the brain.

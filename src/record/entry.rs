@@ -145,6 +145,9 @@ fn encode_event(event: &Event) -> serde_json::Result<Encoded> {
             encode_by(Topic::Operator, |to| twin::OperatorTwin::serialize(it, to))
         }
         Event::AutopilotLost(at) => encode(Topic::AutopilotLost, &twin::InstantTwin { at: *at }),
+        Event::AutopilotRebooted(at) => {
+            encode(Topic::AutopilotRebooted, &twin::InstantTwin { at: *at })
+        }
         Event::Finished { at, id, output } => {
             encode(Topic::Finished, &twin::FinishedTwin::new(*at, *id, output.outside()))
         }
@@ -170,6 +173,7 @@ pub(super) fn decode_event(topic: Topic, json: &[u8]) -> Option<serde_json::Resu
         match topic {
             Topic::Tick => instant(json).map(Event::Ticked),
             Topic::AutopilotLost => instant(json).map(Event::AutopilotLost),
+            Topic::AutopilotRebooted => instant(json).map(Event::AutopilotRebooted),
             Topic::Imu => decode_by::<ImuSample>(json, |from| twin::ImuTwin::deserialize(from))
                 .map(Event::Imu),
             Topic::Scan => decode_scan(json),

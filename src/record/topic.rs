@@ -52,6 +52,8 @@ topics! {
     Operator = "/event/operator", twin::OperatorTwin;
     /// The autopilot fell silent.
     AutopilotLost = "/event/autopilot_lost", twin::InstantTwin;
+    /// The autopilot has started anew.
+    AutopilotRebooted = "/event/autopilot_rebooted", twin::InstantTwin;
     /// A job came back.
     Finished = "/event/finished", twin::FinishedTwin;
     /// Setpoint sent to the autopilot.

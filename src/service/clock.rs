@@ -3,6 +3,7 @@
 use crate::link::transport::Timer;
 use crate::time::{Mono, Stamp};
 use std::future::Future;
+use std::time::Duration;
 use tokio::sync::watch;
 
 /// The service's clock; clones show the same time.
@@ -19,6 +20,9 @@ enum Kind {
     Real,
     Driven(watch::Receiver<Stamp<Mono>>),
 }
+
+/// The time of day at which driven clocks begin: 2026-01-01T00:00:00Z.
+const DRIVEN_CLOCKS_BEGIN: Duration = Duration::from_secs(1_767_225_600);
 
 /// Moves a driven clock.
 #[derive(Debug)]
@@ -46,6 +50,19 @@ impl Clock {
         match &self.kind {
             Kind::Real => monotonic_now(),
             Kind::Driven(now) => *now.borrow(),
+        }
+    }
+
+    /// The time of day in UTC, as long after 1970 as it says; it may jump.
+    #[must_use]
+    pub fn since_1970(&self) -> Duration {
+        match &self.kind {
+            Kind::Real => {
+                let time = rustix::time::clock_gettime(rustix::time::ClockId::Realtime);
+                let nanos = u32::try_from(time.tv_nsec).unwrap_or(0);
+                Duration::new(u64::try_from(time.tv_sec).unwrap_or(0), nanos)
+            }
+            Kind::Driven(now) => DRIVEN_CLOCKS_BEGIN + now.borrow().since(Stamp::ZERO),
         }
     }
 
@@ -104,7 +121,6 @@ fn monotonic_now() -> Stamp<Mono> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::time::Duration;
 
     #[tokio::test]
     async fn a_driven_clock_wakes_sleepers_at_their_time_and_not_before() {

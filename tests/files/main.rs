@@ -3,5 +3,6 @@
 #![expect(clippy::unwrap_used, clippy::panic, reason = "a test may stop at the first surprise")]
 
 mod example_config;
+mod ground_station;
 mod regions;
 mod safety_rules;

@@ -10,8 +10,8 @@ use stockpilot::messages::{
     FixOutcome, FixRecord, FixSource, FlightMode, GridGeometry, HeightMap, HitCounts, LandedState,
     Mass, NavEstimate, OperatorAnswer, OperatorCommand, OperatorRequest, OperatorVerb,
     PointDetection, Scan, Setpoint, Severity, SharedSensitivity, StatusText, TagDetection,
-    TagDetections, TagFamily, VehicleCommand, VehicleState, Verdict, VolumeAccount, VolumeBudget,
-    VolumeEstimate, VolumeShares,
+    TagDetections, TagFamily, TakeOff, VehicleCommand, VehicleState, Verdict, VolumeAccount,
+    VolumeBudget, VolumeEstimate, VolumeShares,
 };
 use stockpilot::mission::Phase;
 use stockpilot::pilot::{Action, Event, FlightSummary, PhaseChange, PlanChoice, VolumeReport};
@@ -60,7 +60,11 @@ fn events() -> Vec<Event> {
             mode: FlightMode::Other(17),
             landed: LandedState::InAir,
             in_failsafe: false,
+            is_ready: true,
+            is_contested: false,
+            takes_off: TakeOff::ByCommand,
         }),
+        Event::AutopilotRebooted(AT),
         Event::Battery(BatterySample {
             at: AT,
             voltage_v: 15.2,
@@ -250,7 +254,7 @@ fn results_are_recorded_with_their_units_and_names() {
             _ => {}
         }
     }
-    assert_eq!(seen.len(), 10);
+    assert_eq!(seen.len(), 11);
     assert_eq!(results.len(), 12);
     let of = |topic: Topic| &results[&topic];
     assert_eq!(of(Topic::Setpoint)["position_m"], serde_json::json!([1.0, 2.0, 3.0]));

@@ -8,7 +8,7 @@ use stockpilot::geometry::{Direction, Point, Rotation};
 use stockpilot::messages::{
     AutopilotPose, BatterySample, Beam, CameraId, CommandOutcome, FlightMode, ImuSample,
     LandedState, OperatorCommand, OperatorRequest, OperatorVerb, PointDetection, Scan,
-    TagDetection, TagDetections, TagFamily, VehicleCommand, VehicleState,
+    TagDetection, TagDetections, TagFamily, TakeOff, VehicleCommand, VehicleState,
 };
 use stockpilot::pilot::{Action, Event};
 use stockpilot::record::{LogHeader, LogItem, LogReader, RecordedEvent, Recorder, RecorderStats};
@@ -95,13 +95,19 @@ fn vehicle() -> impl Strategy<Value = VehicleState> {
         Just(LandedState::InAir),
         Just(LandedState::Landing),
     ];
-    (stamp(), any::<bool>(), mode, landed, any::<bool>()).prop_map(
-        |(at, is_armed, mode, landed, in_failsafe)| VehicleState {
-            at,
-            is_armed,
-            mode,
-            landed,
-            in_failsafe,
+    let takes_off = prop_oneof![Just(TakeOff::BySetpoints), Just(TakeOff::ByCommand)];
+    (stamp(), any::<[bool; 4]>(), mode, landed, takes_off).prop_map(
+        |(at, [is_armed, in_failsafe, is_ready, is_contested], mode, landed, takes_off)| {
+            VehicleState {
+                at,
+                is_armed,
+                mode,
+                landed,
+                in_failsafe,
+                is_ready,
+                is_contested,
+                takes_off,
+            }
         },
     )
 }
@@ -138,6 +144,7 @@ fn outcome() -> impl Strategy<Value = CommandOutcome> {
         Just(VehicleCommand::EnterCompanionMode),
         Just(VehicleCommand::EnterHold),
         Just(VehicleCommand::EnterLand),
+        Just(VehicleCommand::TakeOff),
     ];
     (stamp(), command, any::<bool>()).prop_map(|(at, command, is_accepted)| CommandOutcome {
         at,

@@ -7,7 +7,7 @@ use stockpilot::geometry::{Body, Direction, Hall, Point, Rotation, Transform};
 use stockpilot::messages::{
     AutopilotPose, BatterySample, Beam, CameraId, CommandOutcome, FlightMode, ImuSample,
     LandedState, OperatorCommand, OperatorRequest, OperatorVerb, Scan, Setpoint, TagDetections,
-    VehicleCommand, VehicleState,
+    TakeOff, VehicleCommand, VehicleState,
 };
 use stockpilot::mission::Phase;
 use stockpilot::pilot::{Action, Event, JobId, JobOutput, Pilot};
@@ -15,7 +15,7 @@ use stockpilot::stats::{Noise, SeedBook};
 use stockpilot::time::{Mono, Stamp};
 
 /// A vehicle that does what it is asked, as the brain sees it, and now and then says nonsense.
-struct Source {
+pub(crate) struct Source {
     noise: Noise,
     nonsense: f64,
     k: i64,
@@ -28,7 +28,7 @@ struct Source {
 }
 
 impl Source {
-    fn new(seed: u64, nonsense: f64) -> Self {
+    pub(crate) fn new(seed: u64, nonsense: f64) -> Self {
         Self {
             noise: SeedBook::new(seed).stream("events"),
             nonsense,
@@ -41,7 +41,7 @@ impl Source {
         }
     }
 
-    fn now(&self) -> Stamp<Mono> {
+    pub(crate) fn now(&self) -> Stamp<Mono> {
         Stamp::from_nanos(self.k * 5_000_000)
     }
 
@@ -50,7 +50,7 @@ impl Source {
     }
 
     /// The events of the next 5 ms.
-    fn events(&mut self) -> Vec<Event> {
+    pub(crate) fn events(&mut self) -> Vec<Event> {
         self.k += 1;
         let now = self.now();
         let mut accel_mps2 = Vector3::z() * 9.80665;
@@ -97,7 +97,7 @@ impl Source {
     }
 
     /// Follows the brain, as an autopilot would.
-    fn obey(&mut self, action: &Action) {
+    pub(crate) fn obey(&mut self, action: &Action) {
         match action {
             Action::Steer(setpoint) => self.setpoint = Some(*setpoint),
             Action::Command(VehicleCommand::Arm) => self.is_armed = true,
@@ -113,9 +113,30 @@ impl Source {
         }
     }
 
+    /// The payload of the HEARTBEAT that PX4 would send.
+    pub(crate) fn heartbeat(&self) -> [u8; 9] {
+        let [_, _, main, sub] = match self.mode {
+            FlightMode::Companion => 0x0006_0000_u32,
+            FlightMode::Land => 0x0604_0000,
+            _ => 0x0304_0000,
+        }
+        .to_le_bytes();
+        let base = if self.is_armed { 0x91 } else { 0x11 };
+        [0, 0, main, sub, 2, 12, base, 3, 3]
+    }
+
     fn vehicle(&self, at: Stamp<Mono>) -> VehicleState {
         let landed = if self.is_armed { LandedState::InAir } else { LandedState::OnGround };
-        VehicleState { at, is_armed: self.is_armed, mode: self.mode, landed, in_failsafe: false }
+        VehicleState {
+            at,
+            is_armed: self.is_armed,
+            mode: self.mode,
+            landed,
+            in_failsafe: false,
+            is_ready: true,
+            is_contested: false,
+            takes_off: TakeOff::BySetpoints,
+        }
     }
 
     fn scan(&mut self, start: Stamp<Mono>) -> Scan {

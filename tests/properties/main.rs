@@ -6,6 +6,8 @@ mod bays;
 mod brain;
 mod filter;
 mod geometry;
+mod outbound;
 mod support;
 mod surface;
 mod trajectories;
+mod wire_scene;

@@ -5,7 +5,10 @@
 mod datagrams;
 mod external_planner;
 mod frames;
+mod guarded;
+mod params;
 mod rubbish;
 mod service;
 mod streams;
 mod support;
+mod texts;

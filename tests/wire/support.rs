@@ -96,6 +96,17 @@ impl Peer {
         reader.read_any_message().unwrap()
     }
 
+    /// The next frame of MAVLink 2 that reaches this peer, as it is.
+    pub(crate) async fn hears_raw(&self) -> mavlink::MAVLinkV2MessageRaw {
+        let mut buffer = [0; 512];
+        let (length, _) = patiently(self.socket.recv_from(&mut buffer)).await.unwrap();
+        let mut reader = mavlink::MavlinkReader::new(&buffer[..length]);
+        match reader.read_any_raw_message::<MavMessage>().unwrap() {
+            mavlink::MAVLinkMessageRaw::V2(raw) => raw,
+            mavlink::MAVLinkMessageRaw::V1(_) => panic!("version 1"),
+        }
+    }
+
     /// The messages that have reached this peer so far.
     pub(crate) fn heard(&self) -> usize {
         let mut buffer = [0; 512];

@@ -1,8 +1,8 @@
 //! The cascade: position → velocity → acceleration → attitude and thrust → rates → rotors.
 
 use super::estimator::Belief;
+use super::limits::Limits;
 use super::mixer::Airframe;
-use super::params::ParamTable;
 use super::setpoint::Target;
 use crate::vehicle::MotorCommands;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
@@ -38,13 +38,13 @@ pub(super) struct Controller {
 }
 
 impl Controller {
-    pub(super) fn new(params: &ParamTable) -> Self {
+    pub(super) fn new(hover_ratio: f64) -> Self {
         let airframe = Airframe::NOMINAL;
         Self {
             airframe,
             velocity_integral_mps2: Vector3::zeros(),
             rate_integral: Vector3::zeros(),
-            hover_thrust_n: params.real("MPC_THR_HOVER") * airframe.max_total_n(),
+            hover_thrust_n: hover_ratio * airframe.max_total_n(),
             thrust_n: 0.0,
             velocity_sp_mps: Vector3::zeros(),
             yaw_sp_rad: 0.0,
@@ -76,14 +76,13 @@ impl Controller {
         &mut self,
         belief: &Belief,
         target: &Target,
-        params: &ParamTable,
+        limits: &Limits,
         climb_limit_mps: f64,
         dt_s: f64,
     ) -> MotorCommands {
-        self.velocity_sp_mps = wanted_velocity(belief, target, params, climb_limit_mps);
+        self.velocity_sp_mps = wanted_velocity(belief, target, limits, climb_limit_mps);
         let accel_sp = self.wanted_accel(belief, target, dt_s);
-        let tilt_limit_rad = params.real("MPC_TILTMAX_AIR").to_radians();
-        let up = thrust_direction(&accel_sp, tilt_limit_rad);
+        let up = thrust_direction(&accel_sp, limits.tilt_rad);
         let hover = self.hover_thrust_n;
         let lift = (hover * (1.0 - accel_sp.z / GRAVITY_MPS2)).max(0.1 * hover);
         self.thrust_n = (lift / (-up.z)).clamp(0.05 * hover, 0.9 * self.airframe.max_total_n());
@@ -155,7 +154,7 @@ impl Controller {
 fn wanted_velocity(
     belief: &Belief,
     target: &Target,
-    params: &ParamTable,
+    limits: &Limits,
     climb_limit_mps: f64,
 ) -> Vector3<f64> {
     let mut wanted = Vector3::from(target.velocity_mps.map(|v| v.unwrap_or(0.0)));
@@ -165,13 +164,13 @@ fn wanted_velocity(
         }
     }
     let horizontal = wanted.xy().norm();
-    let limit = params.real("MPC_XY_VEL_MAX");
+    let limit = limits.level_mps;
     if horizontal > limit {
         wanted.x *= limit / horizontal;
         wanted.y *= limit / horizontal;
     }
-    let up_mps = params.real("MPC_Z_VEL_MAX_UP").min(climb_limit_mps);
-    wanted.z = wanted.z.min(params.real("MPC_Z_VEL_MAX_DN")).max(-up_mps);
+    let up_mps = limits.up_mps.min(climb_limit_mps);
+    wanted.z = wanted.z.min(limits.down_mps).max(-up_mps);
     wanted
 }
 

@@ -1,9 +1,11 @@
 //! The autopilot's own estimator: inertial navigation held by external vision and air pressure.
 
 mod chain;
+mod ekf3;
 mod inertial;
 mod vision;
 
+pub(super) use ekf3::{Ekf3, EkfNews, NavSample};
 pub(super) use vision::VisionSample;
 
 use super::params::ParamTable;
@@ -120,17 +122,7 @@ impl Estimator {
 
     /// What is believed now; level at the origin before the first sample.
     pub(super) fn belief(&self) -> Belief {
-        let zero = Vector3::zeros();
-        let nav = self.inertial.as_ref();
-        Belief {
-            attitude: nav.map_or_else(UnitQuaternion::identity, |n| n.attitude),
-            rate_radps: nav.map_or(zero, |n| n.rate_radps),
-            position_m: nav.map_or(zero, |n| n.position_m),
-            velocity_mps: nav.map_or(zero, |n| n.velocity_mps),
-            accel_mps2: nav.map_or(zero, |n| n.accel_mps2),
-            yaw_rad: nav.map_or(0.0, Inertial::yaw_rad),
-            is_position_valid: self.vision.is_position_valid(self.now),
-        }
+        belief_of(self.inertial.as_ref(), self.vision.is_position_valid(self.now))
     }
 
     /// Vision carries the frame `LOCAL_NED`, so a global position can follow from it.
@@ -153,5 +145,19 @@ impl Estimator {
     /// Counts the jumps of the estimate, modulo 256.
     pub(super) const fn reset_counter(&self) -> u8 {
         self.vision.n_resets()
+    }
+}
+
+/// The belief of an inertial navigation; level at the origin without one.
+fn belief_of(nav: Option<&Inertial>, is_position_valid: bool) -> Belief {
+    let zero = Vector3::zeros();
+    Belief {
+        attitude: nav.map_or_else(UnitQuaternion::identity, |n| n.attitude),
+        rate_radps: nav.map_or(zero, |n| n.rate_radps),
+        position_m: nav.map_or(zero, |n| n.position_m),
+        velocity_mps: nav.map_or(zero, |n| n.velocity_mps),
+        accel_mps2: nav.map_or(zero, |n| n.accel_mps2),
+        yaw_rad: nav.map_or(0.0, Inertial::yaw_rad),
+        is_position_valid,
     }
 }

@@ -48,7 +48,15 @@ impl Outbox {
 
     /// A line for people: to the ground station only, with PX4's trailing tab, in chunks of 50.
     pub(super) fn text(&mut self, severity: MavSeverity, text: &str) {
-        let line = format!("{text}\t");
+        self.chunked(&[Link::Ground], severity, &format!("{text}\t"));
+    }
+
+    /// A line for people on every link, as `ArduPilot` sends it.
+    pub(super) fn text_to_all(&mut self, severity: MavSeverity, text: &str) {
+        self.chunked(&[Link::Companion, Link::Ground], severity, text);
+    }
+
+    fn chunked(&mut self, links: &[Link], severity: MavSeverity, line: &str) {
         let is_long = line.len() > CHUNK;
         if is_long {
             self.text_id = self.text_id.wrapping_add(1).max(1);
@@ -60,7 +68,9 @@ impl Outbox {
             bytes[..chunk.len()].copy_from_slice(chunk);
             let text = CharArray::new(bytes);
             let data = STATUSTEXT_DATA { severity, text, id, chunk_seq };
-            self.send(Link::Ground, MavMessage::STATUSTEXT(data));
+            for link in links {
+                self.send(*link, MavMessage::STATUSTEXT(data.clone()));
+            }
         }
     }
 

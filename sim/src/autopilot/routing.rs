@@ -189,7 +189,7 @@ impl StubPx4 {
 }
 
 /// Messages of the link itself stay on it.
-const fn is_forwarded(message: &MavMessage) -> bool {
+pub(super) const fn is_forwarded(message: &MavMessage) -> bool {
     !matches!(
         message,
         MavMessage::TIMESYNC(_)

@@ -22,6 +22,9 @@ pub(super) mod id {
     pub(in crate::autopilot) const HOME_POSITION: u32 = 242;
     pub(in crate::autopilot) const EXTENDED_SYS_STATE: u32 = 245;
     pub(in crate::autopilot) const ODOMETRY: u32 = 331;
+    pub(in crate::autopilot) const RAW_IMU: u32 = 27;
+    pub(in crate::autopilot) const SCALED_IMU: u32 = 26;
+    pub(in crate::autopilot) const EKF_STATUS_REPORT: u32 = 193;
 }
 
 /// Default rate of each stream on the companion's link, mHz; 0 for those on request only.
@@ -78,7 +81,8 @@ impl Streams {
         Self::with(&GROUND_MILLIHZ)
     }
 
-    fn with(rates: &[(u32, u64)]) -> Self {
+    /// Streams with these rates, mHz; 0 for those on request only.
+    pub(super) fn with(rates: &[(u32, u64)]) -> Self {
         let stream = |&(id, millihz): &(u32, u64)| {
             let default = 1_000_000_000_000_u64.checked_div(millihz).map(Duration::from_nanos);
             Stream { id, default, interval: default, due: Stamp::ZERO }
@@ -97,6 +101,13 @@ impl Streams {
             Err(_) => None,
         };
         true
+    }
+
+    /// Sets every stream to an interval, or switches all off.
+    pub(super) fn set_all(&mut self, interval: Option<Duration>) {
+        for stream in &mut self.streams {
+            stream.interval = interval;
+        }
     }
 
     /// Calls `send` with each id that is due.

@@ -6,6 +6,7 @@ use super::estimator::{Belief, Estimator, Inputs};
 use super::frames::flipped;
 use super::guidance::Guidance;
 use super::landing::{LandDetector, Signs};
+use super::limits::{Lift, Limits};
 use super::modes::Px4Mode;
 use super::outbox::{Link, Outbox};
 use super::params::ParamTable;
@@ -46,6 +47,17 @@ pub struct Sensors {
 }
 
 impl Sensors {
+    /// Before anything is measured.
+    pub(super) const fn nothing(imu: ImuSample) -> Self {
+        Self {
+            imu,
+            pressure_height_m: 0.0,
+            battery_voltage_v: 0.0,
+            battery_current_a: 0.0,
+            battery_charge_ratio: 1.0,
+        }
+    }
+
     /// Reads the sensors of a vehicle together with its latest inertial sample.
     #[must_use]
     pub fn read(vehicle: &mut Vehicle, imu: ImuSample) -> Self {
@@ -112,7 +124,7 @@ impl StubPx4 {
             wants_reboot: false,
             now: Stamp::ZERO,
             last_step: Stamp::ZERO,
-            controller: Controller::new(&params),
+            controller: Controller::new(params.real("MPC_THR_HOVER")),
             params,
             param_list: None,
             outbox: Outbox::default(),
@@ -129,13 +141,7 @@ impl StubPx4 {
             origin: None,
             companion_heard_at: None,
             is_companion_lost: false,
-            sensors: Sensors {
-                imu,
-                pressure_height_m: 0.0,
-                battery_voltage_v: 0.0,
-                battery_current_a: 0.0,
-                battery_charge_ratio: 1.0,
-            },
+            sensors: Sensors::nothing(imu),
             accel_frd_mps2: zero,
             gyro_frd_radps: zero,
         }
@@ -207,10 +213,12 @@ impl StubPx4 {
             || target.velocity_mps[2].is_some_and(|v| v < -0.05);
         let is_armed = self.commander.is_armed();
         let is_landed = self.landing.is_landed();
-        self.takeoff.step(self.now, &self.params, is_armed, wants_up, is_landed);
-        match self.takeoff.climb_limit_mps(self.now, &self.params) {
+        let lift = Lift::px4(&self.params);
+        self.takeoff.step(self.now, &lift, is_armed, wants_up, is_landed);
+        match self.takeoff.climb_limit_mps(self.now, &lift) {
             Some(climb_limit_mps) => {
-                self.controller.step(&self.belief, &target, &self.params, climb_limit_mps, dt_s)
+                let limits = Limits::px4(&self.params);
+                self.controller.step(&self.belief, &target, &limits, climb_limit_mps, dt_s)
             }
             None if is_armed => self.controller.idle(&self.belief),
             None => {
@@ -300,6 +308,11 @@ impl StubPx4 {
         self.commander.request(mode, &facts);
     }
 
+    /// The pilot throws the switch that stops the motors at once.
+    pub fn pilot_kills_motors(&mut self) {
+        self.commander.stop();
+    }
+
     /// Starts anew: the boot clock begins at zero, motors stop, everything but the parameters is
     /// forgotten, and the links are silent for two seconds.
     pub fn reboot(&mut self, now: Stamp<Mono>) {
@@ -369,10 +382,15 @@ impl StubPx4 {
     /// Pose and velocity as the autopilot believes them, in `Hall` axes.
     #[must_use]
     pub fn believed_motion(&self) -> (Transform<Hall, Body>, Direction<Hall>) {
-        let q = self.belief.attitude.quaternion();
-        let turned = UnitQuaternion::new_normalize(Quaternion::new(q.w, q.i, -q.j, -q.k));
-        let origin = Point::from_coords(flipped(&self.belief.position_m));
-        let velocity = Direction::from_coords(flipped(&self.belief.velocity_mps));
-        (Transform::new(Rotation::from_quaternion(turned), origin), velocity)
+        believed_motion(&self.belief)
     }
+}
+
+/// Pose and velocity of a belief, in `Hall` axes.
+pub(super) fn believed_motion(belief: &Belief) -> (Transform<Hall, Body>, Direction<Hall>) {
+    let q = belief.attitude.quaternion();
+    let turned = UnitQuaternion::new_normalize(Quaternion::new(q.w, q.i, -q.j, -q.k));
+    let origin = Point::from_coords(flipped(&belief.position_m));
+    let velocity = Direction::from_coords(flipped(&belief.velocity_mps));
+    (Transform::new(Rotation::from_quaternion(turned), origin), velocity)
 }

@@ -1,6 +1,6 @@
 //! From armed on the ground to flight: rotors spool up, then the climb is let go slowly.
 
-use super::params::ParamTable;
+use super::limits::Lift;
 use stockpilot::time::{Boot, Stamp};
 use stockpilot::units::GRAVITY_MPS2;
 
@@ -27,7 +27,7 @@ impl TakeOff {
     pub(super) fn step(
         &mut self,
         now: Stamp<Boot>,
-        params: &ParamTable,
+        lift: &Lift,
         is_armed: bool,
         wants_up: bool,
         is_landed: bool,
@@ -35,13 +35,9 @@ impl TakeOff {
         *self = match *self {
             _ if !is_armed => Self::Disarmed,
             Self::Disarmed => Self::SpoolUp(now),
-            Self::SpoolUp(since) if now.seconds_since(since) >= params.real("COM_SPOOLUP_TIME") => {
-                Self::Ready
-            }
+            Self::SpoolUp(since) if now.seconds_since(since) >= lift.spool_up_s => Self::Ready,
             Self::Ready if wants_up => Self::Ramp(now),
-            Self::Ramp(since) if now.seconds_since(since) >= params.real("MPC_TKO_RAMP_T") => {
-                Self::Flight
-            }
+            Self::Ramp(since) if now.seconds_since(since) >= lift.ramp_s => Self::Flight,
             Self::Ramp(_) if !wants_up && is_landed => Self::Ready,
             Self::Flight if is_landed => Self::Ready,
             other => other,
@@ -51,15 +47,14 @@ impl TakeOff {
     /// Bound of the climb, m/s; `None` while the rotors shall idle or stand.
     ///
     /// The ramp starts at the velocity that asks for no thrust at all, −g/P.
-    pub(super) fn climb_limit_mps(&self, now: Stamp<Boot>, params: &ParamTable) -> Option<f64> {
+    pub(super) fn climb_limit_mps(&self, now: Stamp<Boot>, lift: &Lift) -> Option<f64> {
         match *self {
             Self::Disarmed | Self::SpoolUp(_) | Self::Ready => None,
             Self::Flight => Some(f64::INFINITY),
             Self::Ramp(since) => {
-                let ramp_s = params.real("MPC_TKO_RAMP_T").max(0.01);
-                let share = (now.seconds_since(since) / ramp_s).clamp(0.0, 1.0);
+                let share = (now.seconds_since(since) / lift.ramp_s).clamp(0.0, 1.0);
                 let start = -GRAVITY_MPS2 / VELOCITY_P_PER_S;
-                Some(start + (params.real("MPC_TKO_SPEED") - start) * share)
+                Some(start + (lift.climb_mps - start) * share)
             }
         }
     }

@@ -2,13 +2,11 @@
 
 use super::frames::{single, whole, wire_quaternion};
 use super::modes::Px4Mode;
+use super::reports::{self, percent};
 use super::streams::id;
 use super::stub::StubPx4;
 use mavlink::dialects::ardupilotmega as m;
 use mavlink::dialects::ardupilotmega::MavMessage;
-
-/// Metres per degree of latitude on the WGS 84 ellipsoid, near enough for a hall.
-const M_PER_DEG: f64 = 111_319.49;
 
 impl StubPx4 {
     /// The message with this id as of now; `None` if there is nothing to say.
@@ -20,19 +18,19 @@ impl StubPx4 {
                 time_unix_usec: 0,
                 time_boot_ms: self.boot_ms(),
             }),
-            id::ATTITUDE => self.attitude(),
-            id::ATTITUDE_QUATERNION => self.attitude_quaternion(),
-            id::LOCAL_POSITION_NED => self.local_position(),
+            id::ATTITUDE => reports::attitude(&self.belief, self.boot_ms()),
+            id::ATTITUDE_QUATERNION => reports::attitude_quaternion(&self.belief, self.boot_ms()),
+            id::LOCAL_POSITION_NED => reports::local_position(&self.belief, self.boot_ms()),
             id::GLOBAL_POSITION_INT => self.global_position()?,
             id::GPS_GLOBAL_ORIGIN => self.origin_message()?,
             id::POSITION_TARGET_LOCAL_NED => self.position_target()?,
-            id::HIGHRES_IMU => self.highres_imu(),
+            id::HIGHRES_IMU => self.felt().highres_imu(self.boot_us()),
             id::TIMESYNC => MavMessage::TIMESYNC(m::TIMESYNC_DATA {
                 tc1: 0,
                 ts1: self.now.nanos(),
                 ..m::TIMESYNC_DATA::DEFAULT
             }),
-            id::BATTERY_STATUS => self.battery_status(),
+            id::BATTERY_STATUS => reports::battery_status(&self.sensors, self.charge_state()),
             id::AUTOPILOT_VERSION => autopilot_version(),
             id::ESTIMATOR_STATUS => self.estimator_status(),
             id::HOME_POSITION => self.home_position()?,
@@ -65,70 +63,9 @@ impl StubPx4 {
         })
     }
 
-    fn attitude(&self) -> MavMessage {
-        let (roll, pitch, yaw) = self.belief.attitude.euler_angles();
-        let rate = &self.belief.rate_radps;
-        MavMessage::ATTITUDE(m::ATTITUDE_DATA {
-            time_boot_ms: self.boot_ms(),
-            roll: single(roll),
-            pitch: single(pitch),
-            yaw: single(yaw),
-            rollspeed: single(rate.x),
-            pitchspeed: single(rate.y),
-            yawspeed: single(rate.z),
-        })
-    }
-
-    fn attitude_quaternion(&self) -> MavMessage {
-        let [q1, q2, q3, q4] = wire_quaternion(&self.belief.attitude);
-        let rate = &self.belief.rate_radps;
-        MavMessage::ATTITUDE_QUATERNION(m::ATTITUDE_QUATERNION_DATA {
-            time_boot_ms: self.boot_ms(),
-            q1,
-            q2,
-            q3,
-            q4,
-            rollspeed: single(rate.x),
-            pitchspeed: single(rate.y),
-            yawspeed: single(rate.z),
-            repr_offset_q: [0.0; 4],
-        })
-    }
-
-    fn local_position(&self) -> MavMessage {
-        let [x, y, z] = <[f64; 3]>::from(self.belief.position_m).map(single);
-        let [vx, vy, vz] = <[f64; 3]>::from(self.belief.velocity_mps).map(single);
-        MavMessage::LOCAL_POSITION_NED(m::LOCAL_POSITION_NED_DATA {
-            time_boot_ms: self.boot_ms(),
-            x,
-            y,
-            z,
-            vx,
-            vy,
-            vz,
-        })
-    }
-
     fn global_position(&self) -> Option<MavMessage> {
         let origin = self.origin.as_ref().filter(|_| self.facts().is_global_valid)?;
-        let p = &self.belief.position_m;
-        let latitude_deg = f64::from(origin.latitude) * 1e-7;
-        let per_deg_east = M_PER_DEG * latitude_deg.to_radians().cos().max(1e-3);
-        let alt_mm = f64::from(origin.altitude) - p.z * 1e3;
-        let cmps = |v: f64| i16::try_from(whole(v * 1e2)).unwrap_or(0);
-        let v = &self.belief.velocity_mps;
-        let heading_cdeg = self.belief.yaw_rad.to_degrees().rem_euclid(360.0) * 1e2;
-        Some(MavMessage::GLOBAL_POSITION_INT(m::GLOBAL_POSITION_INT_DATA {
-            time_boot_ms: self.boot_ms(),
-            lat: origin.latitude.saturating_add(small_int(p.x / M_PER_DEG * 1e7)),
-            lon: origin.longitude.saturating_add(small_int(p.y / per_deg_east * 1e7)),
-            alt: small_int(alt_mm),
-            relative_alt: small_int((self.guidance.home_m().z - p.z) * 1e3),
-            vx: cmps(v.x),
-            vy: cmps(v.y),
-            vz: cmps(v.z),
-            hdg: u16::try_from(whole(heading_cdeg)).unwrap_or(u16::MAX),
-        }))
+        Some(reports::global_position(&self.belief, origin, self.guidance.home_m(), self.boot_ms()))
     }
 
     fn origin_message(&self) -> Option<MavMessage> {
@@ -174,45 +111,6 @@ impl StubPx4 {
             type_mask: m::PositionTargetTypemask::from_bits_retain(0),
             coordinate_frame: m::MavFrame::MAV_FRAME_LOCAL_NED,
         }))
-    }
-
-    fn highres_imu(&self) -> MavMessage {
-        let [xacc, yacc, zacc] = <[f64; 3]>::from(self.accel_frd_mps2).map(single);
-        let [xgyro, ygyro, zgyro] = <[f64; 3]>::from(self.gyro_frd_radps).map(single);
-        MavMessage::HIGHRES_IMU(m::HIGHRES_IMU_DATA {
-            time_usec: self.boot_us(),
-            xacc,
-            yacc,
-            zacc,
-            xgyro,
-            ygyro,
-            zgyro,
-            pressure_alt: single(self.sensors.pressure_height_m),
-            abs_pressure: single(1013.25 - 0.12 * self.sensors.pressure_height_m),
-            temperature: 35.0,
-            // Accelerometer, gyroscope, absolute pressure, pressure altitude, temperature.
-            fields_updated: m::HighresImuUpdatedFlags::from_bits_retain(0x1A3F),
-            ..m::HIGHRES_IMU_DATA::DEFAULT
-        })
-    }
-
-    fn battery_status(&self) -> MavMessage {
-        let sensors = &self.sensors;
-        let cell_mv = u16::try_from(whole(sensors.battery_voltage_v * 250.0)).unwrap_or(u16::MAX);
-        let mut voltages = [u16::MAX; 10];
-        voltages[..4].fill(cell_mv);
-        MavMessage::BATTERY_STATUS(m::BATTERY_STATUS_DATA {
-            current_consumed: -1,
-            energy_consumed: -1,
-            temperature: i16::MAX,
-            voltages,
-            current_battery: i16::try_from(whole(sensors.battery_current_a * 1e2)).unwrap_or(-1),
-            battery_function: m::MavBatteryFunction::MAV_BATTERY_FUNCTION_ALL,
-            mavtype: m::MavBatteryType::MAV_BATTERY_TYPE_LIPO,
-            battery_remaining: percent(sensors.battery_charge_ratio),
-            charge_state: self.charge_state(),
-            ..m::BATTERY_STATUS_DATA::DEFAULT
-        })
     }
 
     fn charge_state(&self) -> m::MavBatteryChargeState {
@@ -284,22 +182,21 @@ impl StubPx4 {
         })
     }
 
+    fn felt(&self) -> reports::Felt {
+        reports::Felt {
+            accel_frd_mps2: self.accel_frd_mps2,
+            gyro_frd_radps: self.gyro_frd_radps,
+            pressure_height_m: self.sensors.pressure_height_m,
+        }
+    }
+
     fn boot_ms(&self) -> u32 {
-        // Wraps after 49.7 days, as on the wire.
-        u32::try_from((self.now.nanos() / 1_000_000).rem_euclid(1 << 32)).unwrap_or(0)
+        reports::boot_ms(self.now)
     }
 
     fn boot_us(&self) -> u64 {
-        u64::try_from(self.now.nanos() / 1_000).unwrap_or(0)
+        reports::boot_us(self.now)
     }
-}
-
-fn small_int(value: f64) -> i32 {
-    i32::try_from(whole(value)).unwrap_or(i32::MAX)
-}
-
-fn percent(ratio: f64) -> i8 {
-    i8::try_from(whole((ratio * 100.0).clamp(0.0, 100.0))).unwrap_or(-1)
 }
 
 /// PX4 v1.16.1: capabilities 59647 hold the bytewise parameters.

@@ -2,6 +2,7 @@
 
 #![expect(clippy::expect_used, reason = "a helper of tests stops where its premise fails")]
 
+mod ardupilot;
 mod faults;
 mod flight;
 mod refusals;

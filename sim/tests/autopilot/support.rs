@@ -8,7 +8,9 @@ use std::time::Duration;
 use stockpilot::geometry::{Point, Rotation, Transform};
 use stockpilot::stats::{Noise, SeedBook};
 use stockpilot::time::{Mono, Stamp};
-use stockpilot_sim::autopilot::{COMPANION_COMPONENT, ParamTable, Sensors, StubPx4};
+use stockpilot_sim::autopilot::{
+    ApParams, COMPANION_COMPONENT, ParamTable, Sensors, StubArduPilot, StubPx4,
+};
 use stockpilot_sim::vehicle::{Surroundings, Vehicle, VehicleSettings};
 
 /// The companion's boot clock is 12.345 s behind the autopilot's.
@@ -32,10 +34,41 @@ impl Wish {
     }
 }
 
+/// What the loop needs of a stub.
+pub(crate) trait Stub {
+    fn step(&mut self, sensors: &Sensors) -> [f64; 4];
+    fn on_message(&mut self, now: Stamp<Mono>, header: MavHeader, message: &MavMessage);
+    fn take_outgoing(&mut self) -> Vec<(MavHeader, MavMessage)>;
+    fn to_ground_station(&mut self) -> Vec<(MavHeader, MavMessage)>;
+}
+
+macro_rules! is_stub {
+    ($stub:ty) => {
+        impl Stub for $stub {
+            fn step(&mut self, sensors: &Sensors) -> [f64; 4] {
+                <$stub>::step(self, sensors)
+            }
+            fn on_message(&mut self, now: Stamp<Mono>, header: MavHeader, message: &MavMessage) {
+                <$stub>::on_message(self, now, header, message);
+            }
+            fn take_outgoing(&mut self) -> Vec<(MavHeader, MavMessage)> {
+                <$stub>::take_outgoing(self)
+            }
+            fn to_ground_station(&mut self) -> Vec<(MavHeader, MavMessage)> {
+                <$stub>::to_ground_station(self)
+            }
+        }
+    };
+}
+
+is_stub!(StubPx4);
+is_stub!(StubArduPilot);
+
 /// Everything in one loop of 1 ms.
-pub(crate) struct Loop {
+pub(crate) struct Loop<S = StubPx4> {
     pub(crate) vehicle: Vehicle,
-    pub(crate) stub: StubPx4,
+    pub(crate) stub: S,
+    pub(crate) odometry_frame: m::MavFrame,
     pub(crate) wish: Option<Wish>,
     pub(crate) sends_odometry: bool,
     pub(crate) odometry_hz: u64,
@@ -58,13 +91,27 @@ pub(crate) struct Loop {
 
 impl Loop {
     pub(crate) fn new(params: ParamTable, seed: u64) -> Self {
+        Self::around(StubPx4::new(params, BOOT_LEAD), m::MavFrame::MAV_FRAME_LOCAL_NED, seed)
+    }
+}
+
+impl Loop<StubArduPilot> {
+    pub(crate) fn ardupilot(params: ApParams, seed: u64) -> Self {
+        let stub = StubArduPilot::new(params, BOOT_LEAD);
+        Self::around(stub, m::MavFrame::MAV_FRAME_LOCAL_FRD, seed)
+    }
+}
+
+impl<S: Stub> Loop<S> {
+    fn around(stub: S, odometry_frame: m::MavFrame, seed: u64) -> Self {
         let seeds = SeedBook::new(seed);
         let pad =
             Transform::new(Rotation::from_euler_rad(0.0, 0.0, 0.4), Point::new(3.0, 2.0, 0.15));
         let vehicle = Vehicle::new(VehicleSettings::default(), &pad, Stamp::ZERO, seeds);
         Self {
             vehicle,
-            stub: StubPx4::new(params, BOOT_LEAD),
+            stub,
+            odometry_frame,
             wish: None,
             sends_odometry: true,
             odometry_hz: 30,
@@ -185,7 +232,7 @@ impl Loop {
             yawspeed: f32::NAN,
             pose_covariance,
             velocity_covariance,
-            frame_id: m::MavFrame::MAV_FRAME_LOCAL_NED,
+            frame_id: self.odometry_frame,
             child_frame_id: m::MavFrame::MAV_FRAME_BODY_FRD,
             reset_counter: self.reset_counter,
             estimator_type: self.estimator,

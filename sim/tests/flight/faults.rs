@@ -3,7 +3,6 @@
 use crate::support::Flight;
 use std::time::Duration;
 use stockpilot::mission::Phase;
-use stockpilot_sim::autopilot::Px4Mode;
 
 /// Seconds from phase `from` to phase `to`, both entered exactly once.
 fn seconds_between(flight: &Flight, from: Phase, to: Phase) -> f64 {
@@ -16,7 +15,7 @@ fn seconds_between(flight: &Flight, from: Phase, to: Phase) -> f64 {
 fn the_pilots_switch_ends_setpoints_and_nothing_is_commanded_afterwards() {
     let mut flight = Flight::in_survey(21);
     let switched_at = flight.now();
-    flight.direct.rig.autopilot_mut().pilot_switches_to(Px4Mode::Position);
+    flight.direct.rig.autopilot_mut().pilot_takes_over();
     flight.run(15.0);
     // The brain stamps with its last tick, up to 1/60 s before.
     let one_tick_before = switched_at.minus(Duration::from_millis(17));
@@ -26,7 +25,7 @@ fn the_pilots_switch_ends_setpoints_and_nothing_is_commanded_afterwards() {
         "{:?}",
         flight.seen.changes
     );
-    assert_eq!(flight.direct.rig.autopilot().mode(), Px4Mode::Position);
+    assert!(flight.direct.rig.autopilot().is_with_pilot());
     let last = flight.seen.last_setpoint_at.expect("setpoints before the switch");
     let ended_after_s = last.seconds_since(switched_at);
     assert!(ended_after_s <= 0.05, "setpoints went on for {ended_after_s} s");

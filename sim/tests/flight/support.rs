@@ -6,6 +6,7 @@ use stockpilot::messages::VehicleCommand;
 use stockpilot::mission::Phase;
 use stockpilot::pilot::{Action, PhaseChange};
 use stockpilot::time::{Mono, Stamp};
+use stockpilot_sim::autopilot::Flavour;
 use stockpilot_sim::camera::CameraModel;
 use stockpilot_sim::campaign::{DirectFlight, Witnessed};
 use stockpilot_sim::scenario::{Conditions, Lidar, Planner, Scenario, Surface};
@@ -19,6 +20,7 @@ pub(crate) fn short_survey(seed: u64, n_steps: usize) -> Scenario {
         surface: Surface::KalmanGrid,
         variance: None,
         lidar: Lidar::Ld19,
+        autopilot: Flavour::Px4,
         camera: CameraModel::ahead(),
         n_steps,
         seed,

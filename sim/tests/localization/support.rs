@@ -6,6 +6,7 @@ use stockpilot::messages::{FixRecord, FixSource, Verdict};
 use stockpilot::mission::Phase;
 use stockpilot::pilot::Action;
 use stockpilot::time::{Mono, Stamp};
+use stockpilot_sim::autopilot::Flavour;
 use stockpilot_sim::camera::CameraModel;
 use stockpilot_sim::camera_faults::CameraFault;
 use stockpilot_sim::campaign::{DirectFlight, Witnessed};
@@ -29,6 +30,7 @@ pub(crate) fn survey(seed: u64) -> Scenario {
         surface: Surface::KalmanGrid,
         variance: None,
         lidar: Lidar::Ld19,
+        autopilot: Flavour::Px4,
         camera: CameraModel::ahead(),
         n_steps: 50,
         seed,

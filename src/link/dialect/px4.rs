@@ -2,11 +2,9 @@
 //!
 //! Source: PX4 v1.16 `px4_custom_mode.h`; observed on v1.16.1.
 
-use super::{Dialect, WireCommand};
+use super::{WireCommand, arm_disarm, set_mode};
 use crate::messages::{FlightMode, VehicleCommand};
-use mavlink::dialects::ardupilotmega::{
-    HEARTBEAT_DATA, MavAutopilot, MavCmd, MavModeFlag, MavState,
-};
+use mavlink::dialects::ardupilotmega::{HEARTBEAT_DATA, MavModeFlag};
 use std::time::Duration;
 
 const MAIN_MANUAL: u8 = 1;
@@ -25,68 +23,38 @@ const AUTO_LAND: u8 = 6;
 /// tens of milliseconds.
 const SECOND_ANSWER_WITHIN: Duration = Duration::from_millis(300);
 
-/// PX4 flying a multicopter.
-#[derive(Debug)]
-pub(crate) struct Px4;
-
-impl Dialect for Px4 {
-    const AUTOPILOT: MavAutopilot = MavAutopilot::MAV_AUTOPILOT_PX4;
-
-    /// `custom_mode` = main mode << 16 | sub mode << 24.
-    fn flight_mode(heartbeat: &HEARTBEAT_DATA) -> FlightMode {
-        let other = FlightMode::Other(heartbeat.custom_mode);
-        if !heartbeat.base_mode.contains(MavModeFlag::MAV_MODE_FLAG_CUSTOM_MODE_ENABLED) {
-            return other;
-        }
-        let [_, _, main, sub] = heartbeat.custom_mode.to_le_bytes();
-        match (main, sub) {
-            (MAIN_MANUAL | MAIN_ALTCTL | MAIN_POSCTL | MAIN_ACRO | MAIN_STABILIZED, _) => {
-                FlightMode::Pilot
-            }
-            (MAIN_OFFBOARD, _) => FlightMode::Companion,
-            (MAIN_AUTO, AUTO_TAKEOFF) => FlightMode::TakeOff,
-            (MAIN_AUTO, AUTO_LOITER) => FlightMode::Hold,
-            (MAIN_AUTO, AUTO_RTL) => FlightMode::Return,
-            (MAIN_AUTO, AUTO_LAND) => FlightMode::Land,
-            _ => other,
-        }
+/// Who steers; `custom_mode` = main mode << 16 | sub mode << 24.
+pub(super) fn flight_mode(heartbeat: &HEARTBEAT_DATA) -> FlightMode {
+    let other = FlightMode::Other(heartbeat.custom_mode);
+    if !heartbeat.base_mode.contains(MavModeFlag::MAV_MODE_FLAG_CUSTOM_MODE_ENABLED) {
+        return other;
     }
-
-    fn is_in_failsafe(heartbeat: &HEARTBEAT_DATA) -> bool {
-        matches!(
-            heartbeat.system_status,
-            MavState::MAV_STATE_CRITICAL
-                | MavState::MAV_STATE_EMERGENCY
-                | MavState::MAV_STATE_FLIGHT_TERMINATION
-        )
-    }
-
-    fn wire_command(command: VehicleCommand) -> WireCommand {
-        match command {
-            VehicleCommand::Arm => arm_disarm(1.0),
-            VehicleCommand::Disarm => arm_disarm(0.0),
-            VehicleCommand::EnterCompanionMode => set_mode(MAIN_OFFBOARD, 0),
-            VehicleCommand::EnterHold => set_mode(MAIN_AUTO, AUTO_LOITER),
-            VehicleCommand::EnterLand => set_mode(MAIN_AUTO, AUTO_LAND),
+    let [_, _, main, sub] = heartbeat.custom_mode.to_le_bytes();
+    match (main, sub) {
+        (MAIN_MANUAL | MAIN_ALTCTL | MAIN_POSCTL | MAIN_ACRO | MAIN_STABILIZED, _) => {
+            FlightMode::Pilot
         }
+        (MAIN_OFFBOARD, _) => FlightMode::Companion,
+        (MAIN_AUTO, AUTO_TAKEOFF) => FlightMode::TakeOff,
+        (MAIN_AUTO, AUTO_LOITER) => FlightMode::Hold,
+        (MAIN_AUTO, AUTO_RTL) => FlightMode::Return,
+        (MAIN_AUTO, AUTO_LAND) => FlightMode::Land,
+        _ => other,
     }
 }
 
-const fn arm_disarm(param1: f32) -> WireCommand {
-    WireCommand {
-        command: MavCmd::MAV_CMD_COMPONENT_ARM_DISARM,
-        params: [param1, 0.0, 0.0],
-        second_answer_within: None,
-    }
-}
-
+/// The message; `None` for the take-off, which setpoints do.
+///
 /// A mode is acknowledged twice: by the link, always well, and by the commander.
-fn set_mode(main: u8, sub: u8) -> WireCommand {
-    let base = MavModeFlag::MAV_MODE_FLAG_CUSTOM_MODE_ENABLED.bits();
-    WireCommand {
-        command: MavCmd::MAV_CMD_DO_SET_MODE,
-        params: [f32::from(base), f32::from(main), f32::from(sub)],
-        second_answer_within: Some(SECOND_ANSWER_WITHIN),
+pub(super) fn wire_command(command: VehicleCommand) -> Option<WireCommand> {
+    let mode = |main, sub| Some(set_mode(main, sub, Some(SECOND_ANSWER_WITHIN)));
+    match command {
+        VehicleCommand::Arm => Some(arm_disarm(1.0)),
+        VehicleCommand::Disarm => Some(arm_disarm(0.0)),
+        VehicleCommand::EnterCompanionMode => mode(MAIN_OFFBOARD, 0),
+        VehicleCommand::EnterHold => mode(MAIN_AUTO, AUTO_LOITER),
+        VehicleCommand::EnterLand => mode(MAIN_AUTO, AUTO_LAND),
+        VehicleCommand::TakeOff => None,
     }
 }
 
@@ -115,7 +83,7 @@ mod tests {
             (0x91, 0x000a_0000, FlightMode::Other(0x000a_0000)),
             (0x90, 0x0006_0000, FlightMode::Other(0x0006_0000)),
         ] {
-            assert_eq!(Px4::flight_mode(&heartbeat(base, custom)), mode, "{base:#x} {custom:#x}");
+            assert_eq!(flight_mode(&heartbeat(base, custom)), mode, "{base:#x} {custom:#x}");
         }
     }
 }

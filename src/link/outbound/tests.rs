@@ -24,7 +24,7 @@ fn estimate(roll_rad: f64, pitch_rad: f64, yaw_rad: f64) -> NavEstimate {
 }
 
 fn sent(estimate: &NavEstimate) -> ODOMETRY_DATA {
-    match odometry(estimate) {
+    match odometry(estimate, Dialect::Px4) {
         Some(MavMessage::ODOMETRY(data)) => data,
         other => panic!("{other:?}"),
     }
@@ -138,14 +138,14 @@ fn euler_errors_match_a_central_difference_at_awkward_attitudes() {
 fn no_covariance_no_message() {
     let mut broken = estimate(0.1, 0.2, 0.3);
     broken.error_cov[(4, 4)] = f64::NAN;
-    assert!(odometry(&broken).is_none());
+    assert!(odometry(&broken, Dialect::Px4).is_none());
     let mut negative = estimate(0.1, 0.2, 0.3);
     negative.error_cov[(2, 2)] = -1.0;
-    assert!(odometry(&negative).is_none());
+    assert!(odometry(&negative, Dialect::Px4).is_none());
     let mut nowhere = estimate(0.1, 0.2, 0.3);
     nowhere.hall_from_body.origin = Point::new(0.0, f64::INFINITY, 0.0);
-    assert!(odometry(&nowhere).is_none());
-    assert!(odometry(&estimate(0.0, std::f64::consts::FRAC_PI_2, 0.0)).is_none());
+    assert!(odometry(&nowhere, Dialect::Px4).is_none());
+    assert!(odometry(&estimate(0.0, std::f64::consts::FRAC_PI_2, 0.0), Dialect::Px4).is_none());
 }
 
 #[test]
@@ -183,4 +183,21 @@ fn body_velocity_errors_match_a_central_difference_at_awkward_attitudes() {
             }
         }
     }
+}
+
+#[test]
+fn ardupilot_gets_its_frame_and_covariance_with_the_same_numbers() {
+    let mut state = estimate(0.1, -0.2, 0.3);
+    state.error_cov[(1, 1)] = 0.09;
+    let Some(MavMessage::ODOMETRY(data)) = odometry(&state, Dialect::ArduPilot) else {
+        panic!("not sent")
+    };
+    let px4 = sent(&state);
+    assert_eq!(data.frame_id, MavFrame::MAV_FRAME_LOCAL_FRD);
+    assert_eq!(data.child_frame_id, MavFrame::MAV_FRAME_BODY_FRD);
+    assert_eq!((data.x, data.y, data.z, data.q), (px4.x, px4.y, px4.z, px4.q));
+    assert_eq!((data.vx, data.vy, data.vz), (px4.vx, px4.vy, px4.vz));
+    // It adds the three up: σ = 0.3 m, the largest.
+    let place: f32 = [0, 6, 11].iter().map(|&i: &usize| data.pose_covariance[i]).sum();
+    assert_near(place.sqrt(), 0.3, "σ of the place");
 }

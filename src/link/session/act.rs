@@ -1,7 +1,6 @@
 //! The brain's actions as messages.
 
 use super::{Autopilot, Session, SessionOutput};
-use crate::link::dialect::{Dialect as _, Px4};
 use crate::link::{inbound, outbound};
 use crate::messages::{CommandOutcome, OperatorAnswer, VehicleCommand};
 use crate::mission::Phase;
@@ -22,13 +21,20 @@ impl Session {
                 let system = self.autopilot_system().unwrap_or(0);
                 self.push(outbound::setpoint(setpoint, system), out);
             }
-            Action::PublishOdometry(estimate) => self.push(outbound::odometry(estimate), out),
+            Action::PublishOdometry(estimate) => {
+                self.telemetry.fixed(outbound::quality(estimate), now);
+                let dialect = self.autopilot.as_ref().map(|autopilot| autopilot.dialect);
+                self.push(dialect.and_then(|d| outbound::odometry(estimate, d)), out);
+            }
             Action::ReportVolume(report) => self.telemetry.report(report, now, &mut out.messages),
             Action::VolumesAccounted(accounts) => self.telemetry.note(accounts),
             Action::Say(line) => {
                 self.telemetry.say(line.severity, &line.text, &mut out.messages);
             }
-            Action::Answer(answer) => out.messages.push(operator_ack(answer)),
+            Action::Answer(answer) => {
+                let is_accepted = self.operators.answer(answer, now);
+                out.messages.push(operator_ack(&OperatorAnswer { is_accepted, ..*answer }));
+            }
             // What is still unanswered must not be repeated over the pilot's head.
             Action::PhaseChanged(PhaseChange { to: Phase::Abort | Phase::Idle, .. }) => {
                 self.commands.abandon(now, out);
@@ -50,18 +56,24 @@ impl Session {
         }
     }
 
-    /// Without an autopilot a command is refused at once.
+    /// Without an autopilot, or one that knows it, a command is refused at once.
     fn command(&mut self, command: VehicleCommand, now: Stamp<Mono>, out: &mut SessionOutput) {
-        let Some(Autopilot { system, is_lost: false, .. }) = self.autopilot else {
+        let known = match &self.autopilot {
+            Some(Autopilot { system, dialect, is_lost: false, .. }) => {
+                dialect.wire_command(command).map(|wire| (*system, wire))
+            }
+            _ => None,
+        };
+        let Some((system, wire)) = known else {
             let refusal = CommandOutcome { at: now, command, is_accepted: false };
             out.events.push(Event::CommandAnswered(refusal));
             return;
         };
-        self.commands.begin(command, Px4::wire_command(command), system, now, out);
+        self.commands.begin(command, wire, system, now, out);
     }
 }
 
-fn operator_ack(answer: &OperatorAnswer) -> MavMessage {
+pub(super) fn operator_ack(answer: &OperatorAnswer) -> MavMessage {
     let result = if answer.is_accepted {
         MavResult::MAV_RESULT_ACCEPTED
     } else {

@@ -1,19 +1,21 @@
 //! Messages from the autopilot and from people.
 
-use super::{Autopilot, Session, SessionOutput};
-use crate::link::dialect::{Dialect, Px4};
+use super::act::operator_ack;
+use super::{Autopilot, RIVAL_REMEMBERED_FOR, Session, SessionOutput};
+use crate::link::dialect::Dialect;
 use crate::link::{AUTOPILOT_COMPONENT, OWN_COMPONENT, inbound};
-use crate::messages::{LandedState, OperatorCommand, OperatorRequest, VehicleState};
+use crate::messages::{LandedState, OperatorAnswer, OperatorCommand, OperatorRequest, Severity};
 use crate::pilot::Event;
 use crate::time::{Mono, Stamp};
 use mavlink::dialects::ardupilotmega::{
-    COMMAND_ACK_DATA, HEARTBEAT_DATA, MavAutopilot, MavCmd, MavMessage, MavModeFlag, MavResult,
+    COMMAND_ACK_DATA, GPS_GLOBAL_ORIGIN_DATA, HEARTBEAT_DATA, MavAutopilot, MavCmd, MavMessage,
+    MavResult,
 };
 use mavlink::{MavHeader, Message as _};
 
 /// True for the heartbeat of an autopilot that is spoken here.
 pub(crate) fn is_known_autopilot(header: &MavHeader, data: &HEARTBEAT_DATA) -> bool {
-    header.component_id == AUTOPILOT_COMPONENT && data.autopilot == Px4::AUTOPILOT
+    header.component_id == AUTOPILOT_COMPONENT && Dialect::of(data).is_some()
 }
 
 impl Session {
@@ -26,11 +28,30 @@ impl Session {
         out: &mut SessionOutput,
     ) {
         let sent_before = out.messages.len();
+        self.count_missed(header);
         match u8::try_from(header.system_id) {
             Ok(system) => self.dispatch(system, header.component_id, message, arrived, out),
             Err(_) => self.stats.foreign_messages += 1,
         }
         self.count_sent(sent_before, out);
+    }
+
+    /// Frames of the autopilot that its numbering skips were lost on the way.
+    fn count_missed(&mut self, header: &MavHeader) {
+        let Some(autopilot) = &mut self.autopilot else { return };
+        let is_autopilot = header.system_id == u32::from(autopilot.system)
+            && header.component_id == AUTOPILOT_COMPONENT;
+        if !is_autopilot {
+            return;
+        }
+        if let Some(expected) = autopilot.next_sequence {
+            let skipped = header.sequence.wrapping_sub(expected);
+            // A late or repeated frame would look like almost a whole round.
+            if skipped < 128 {
+                self.stats.messages_missed += u64::from(skipped);
+            }
+        }
+        autopilot.next_sequence = Some(header.sequence.wrapping_add(1));
     }
 
     fn dispatch(
@@ -51,6 +72,14 @@ impl Session {
                 let target = (data.target_system, data.target_component);
                 self.asked((system, component), target, data.command, arrived, out);
             }
+            MavMessage::PARAM_REQUEST_LIST(_)
+            | MavMessage::PARAM_REQUEST_READ(_)
+            | MavMessage::PARAM_SET(_) => {
+                let own = self.autopilot_system().map(|system| (system, OWN_COMPONENT));
+                let is_mine =
+                    own.is_some_and(|own| self.params.on_message(message, own, &mut out.messages));
+                self.stats.foreign_messages += u64::from(!is_mine);
+            }
             _ if component == AUTOPILOT_COMPONENT && Some(system) == self.autopilot_system() => {
                 self.stats.messages_in += 1;
                 self.streams.on_arrival(message.message_id());
@@ -67,7 +96,13 @@ impl Session {
         out: &mut SessionOutput,
     ) {
         match message {
-            MavMessage::HIGHRES_IMU(data) => self.imu(data, arrived, out),
+            MavMessage::HIGHRES_IMU(data) => {
+                self.imu(data.time_usec, inbound::inertial(data), arrived, out);
+            }
+            MavMessage::RAW_IMU(data) if self.streams.wants_raw_imu() => {
+                self.imu(data.time_usec, Some(inbound::raw_inertial(data)), arrived, out);
+            }
+            MavMessage::GPS_GLOBAL_ORIGIN(data) => self.origin(data, out),
             MavMessage::TIMESYNC(data) => self.timesync_in(data, arrived, out),
             MavMessage::LOCAL_POSITION_NED(data) => self.position(data, arrived, out),
             MavMessage::ATTITUDE_QUATERNION(data) => self.attitude(data, arrived),
@@ -100,28 +135,44 @@ impl Session {
         arrived: Stamp<Mono>,
         out: &mut SessionOutput,
     ) {
-        let is_known = component == AUTOPILOT_COMPONENT && data.autopilot == Px4::AUTOPILOT;
-        match &mut self.autopilot {
-            None if is_known && system != 0 => {
-                let state = vehicle_state(data, LandedState::Unknown, arrived);
-                self.autopilot = Some(Autopilot::new(system, state));
+        let family = Dialect::of(data).filter(|_| component == AUTOPILOT_COMPONENT && system != 0);
+        match (&mut self.autopilot, family) {
+            (None, Some(dialect)) => {
+                let state = dialect.vehicle_state(data, LandedState::Unknown, arrived);
+                self.autopilot = Some(Autopilot::new(system, dialect, state));
             }
-            Some(autopilot) if is_known && autopilot.system == system => {
-                autopilot.state = vehicle_state(data, autopilot.state.landed, arrived);
-                autopilot.heard_at = arrived;
-                autopilot.is_lost = false;
+            (Some(autopilot), Some(dialect))
+                if autopilot.system == system && autopilot.dialect == dialect =>
+            {
+                autopilot.follow(data, arrived);
             }
             _ if data.autopilot == MavAutopilot::MAV_AUTOPILOT_INVALID => {
                 self.stats.foreign_messages += 1;
                 return;
             }
-            _ => {
+            (known, family) => {
                 self.stats.refused_autopilots += 1;
+                if let (Some(autopilot), Some(_)) = (known, family) {
+                    autopilot.rival_heard_at = Some(arrived);
+                }
                 return;
             }
         }
         self.stats.messages_in += 1;
         out.events.extend(self.autopilot.as_ref().map(|a| Event::Vehicle(a.state)));
+    }
+
+    /// Somebody has set an origin: put it level where its altitude is a danger, and say so.
+    fn origin(&mut self, data: &GPS_GLOBAL_ORIGIN_DATA, out: &mut SessionOutput) {
+        let Some(autopilot) = &mut self.autopilot else { return };
+        let (dialect, system) = (autopilot.dialect, autopilot.system);
+        if let Some(message) = autopilot.origin.on_heard(data, dialect, system) {
+            self.stats.origins_levelled += 1;
+            out.messages.push(message);
+            let altitude_m = f64::from(data.altitude) * 1e-3;
+            let text = format!("map origin at {altitude_m:.0} m is dangerous indoors: set to 0 m");
+            self.telemetry.say(Severity::Warning, &text, &mut out.messages);
+        }
     }
 
     /// The landed state is told at each change; the heartbeat repeats it.
@@ -167,6 +218,11 @@ impl Session {
         if let Some(verb) = inbound::operator_verb(command) {
             self.stats.operator_commands += 1;
             let from = OperatorRequest { system, component };
+            if !self.operators.passes(verb, from, arrived) {
+                let refusal = OperatorAnswer { verb, to: from, is_accepted: false };
+                out.messages.push(operator_ack(&refusal));
+                return;
+            }
             out.events.push(Event::Operator(OperatorCommand { at: arrived, verb, from }));
         } else {
             self.stats.unsupported_commands += 1;
@@ -181,12 +237,13 @@ impl Session {
     }
 }
 
-fn vehicle_state(data: &HEARTBEAT_DATA, landed: LandedState, at: Stamp<Mono>) -> VehicleState {
-    VehicleState {
-        at,
-        is_armed: data.base_mode.contains(MavModeFlag::MAV_MODE_FLAG_SAFETY_ARMED),
-        mode: Px4::flight_mode(data),
-        landed,
-        in_failsafe: Px4::is_in_failsafe(data),
+impl Autopilot {
+    /// Takes in the next heartbeat.
+    fn follow(&mut self, data: &HEARTBEAT_DATA, arrived: Stamp<Mono>) {
+        self.state = self.dialect.vehicle_state(data, self.state.landed, arrived);
+        self.state.is_contested =
+            self.rival_heard_at.is_some_and(|at| arrived.since(at) < RIVAL_REMEMBERED_FOR);
+        self.heard_at = arrived;
+        self.is_lost = false;
     }
 }

@@ -1,5 +1,6 @@
 //! Samples of the autopilot on this computer's clock, and the talk that compares the clocks.
 
+use super::origin::Origin;
 use super::{Session, SessionOutput};
 use crate::link::autopilot_clock::ClockSample;
 use crate::link::{AUTOPILOT_COMPONENT, inbound};
@@ -7,8 +8,9 @@ use crate::messages::{AutopilotPose, BatterySample, ImuSample};
 use crate::pilot::Event;
 use crate::time::{Boot, Mono, Stamp};
 use mavlink::dialects::ardupilotmega::{
-    ATTITUDE_QUATERNION_DATA, HIGHRES_IMU_DATA, LOCAL_POSITION_NED_DATA, MavMessage, TIMESYNC_DATA,
+    ATTITUDE_QUATERNION_DATA, LOCAL_POSITION_NED_DATA, MavMessage, TIMESYNC_DATA,
 };
+use nalgebra::Vector3;
 use std::time::Duration;
 
 /// A sample's stamp further than this before its arrival is no stamp.
@@ -26,18 +28,20 @@ impl Session {
         }
     }
 
+    /// An inertial sample: specific force (m/s²) and angular velocity (rad/s) in Body axes.
     pub(super) fn imu(
         &mut self,
-        data: &HIGHRES_IMU_DATA,
+        time_usec: u64,
+        measured: Option<(Vector3<f64>, Vector3<f64>)>,
         arrived: Stamp<Mono>,
         out: &mut SessionOutput,
     ) {
-        let boot = inbound::boot_from_micros(data.time_usec);
-        let (Some(boot), Some((accel_mps2, gyro_radps))) = (boot, inbound::inertial(data)) else {
+        let boot = inbound::boot_from_micros(time_usec);
+        let (Some(boot), Some((accel_mps2, gyro_radps))) = (boot, measured) else {
             self.stats.refused_values += 1;
             return;
         };
-        self.watch_reboot(boot);
+        self.watch_reboot(boot, arrived, out);
         let Some(at) = self.stamp(boot, arrived) else { return };
         let Some(autopilot) = &mut self.autopilot else { return };
         if autopilot.last_imu_at.is_some_and(|last| at <= last) {
@@ -88,12 +92,22 @@ impl Session {
         Some(at)
     }
 
-    fn watch_reboot(&mut self, boot: Stamp<Boot>) {
-        if self.clock.rebooted(boot) {
-            self.stats.autopilot_reboots += 1;
-            self.stats.timesync_resets += 1;
-            self.streams.forget();
+    /// After a reboot everything that was asked of the autopilot has to be asked again, and
+    /// nothing that was under way is repeated.
+    fn watch_reboot(&mut self, boot: Stamp<Boot>, now: Stamp<Mono>, out: &mut SessionOutput) {
+        if !self.clock.rebooted(boot) {
+            return;
         }
+        self.stats.autopilot_reboots += 1;
+        self.stats.timesync_resets += 1;
+        self.streams.forget();
+        self.commands.abandon(now, out);
+        if let Some(autopilot) = &mut self.autopilot {
+            autopilot.origin = Origin::new();
+            autopilot.attitude = None;
+            autopilot.has_battery_status = false;
+        }
+        out.events.push(Event::AutopilotRebooted(now));
     }
 
     /// Answers a request with the arrival on the clock that stamps ODOMETRY, or takes in an answer.
@@ -116,7 +130,7 @@ impl Session {
             self.stats.refused_values += 1;
             return;
         };
-        self.watch_reboot(boot);
+        self.watch_reboot(boot, arrived, out);
         match self.clock.on_answer(Stamp::from_nanos(data.ts1), boot, arrived) {
             ClockSample::Fused => self.stats.timesync_accepted += 1,
             ClockSample::Refused | ClockSample::Outlier => self.stats.timesync_refused += 1,

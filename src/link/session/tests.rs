@@ -2,6 +2,7 @@
 
 mod commands;
 mod identity;
+mod people;
 mod reports;
 mod samples;
 
@@ -10,7 +11,7 @@ use crate::geometry::{Direction, Point};
 use crate::link::Address;
 use crate::messages::{
     CommandOutcome, FlightMode, Mass, OperatorAnswer, OperatorCommand, OperatorRequest,
-    OperatorVerb, Setpoint, VehicleCommand, VolumeAccount, VolumeBudget, VolumeEstimate,
+    OperatorVerb, Setpoint, TakeOff, VehicleCommand, VolumeAccount, VolumeBudget, VolumeEstimate,
     VolumeShares,
 };
 use crate::mission::Phase;

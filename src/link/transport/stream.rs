@@ -3,6 +3,7 @@
 use super::{
     Counters, Ends, Outgoing, REOPEN_AFTER, Received, Timer, count, hand_on, numbered_frame,
 };
+use crate::link::Guard;
 use mavlink::AsyncMavlinkReader;
 use mavlink::dialects::ardupilotmega::MavMessage;
 use mavlink::error::MessageReadError;
@@ -94,10 +95,10 @@ async fn serve_once<O: Opener, T: Timer>(opener: &O, ends: &mut Ends<T>) -> io::
         count(&ends.counters.send_failed);
     }
     let (reader, writer) = tokio::io::split(stream);
-    let Ends { received, outgoing, counters, timer, sequence } = ends;
+    let Ends { received, outgoing, counters, guard, timer, sequence } = ends;
     tokio::select! {
-        error = read_all(reader, received, counters, timer) => Err(error),
-        result = write_all(writer, outgoing, counters, sequence) => result,
+        error = read_all(reader, received, counters, guard, timer) => Err(error),
+        result = write_all(writer, outgoing, counters, guard, sequence) => result,
     }
 }
 
@@ -105,12 +106,13 @@ async fn read_all<R: AsyncRead + Unpin, T: Timer>(
     source: R,
     received: &mpsc::Sender<Received>,
     counters: &Counters,
+    guard: &Guard,
     timer: &T,
 ) -> io::Error {
     let mut reader = AsyncMavlinkReader::new(source);
     loop {
         match reader.read_any_raw_message::<MavMessage>().await {
-            Ok(raw) => hand_on(&raw, timer.now(), received, counters),
+            Ok(raw) => hand_on(&raw, timer.now(), received, counters, guard),
             Err(MessageReadError::Io(error)) => return error,
             Err(_) => count(&counters.undecodable),
         }
@@ -121,10 +123,11 @@ async fn write_all<W: AsyncWrite + Unpin>(
     mut sink: W,
     outgoing: &mut mpsc::Receiver<Outgoing>,
     counters: &Counters,
+    guard: &Guard,
     sequence: &mut u8,
 ) -> io::Result<()> {
     while let Some(message) = outgoing.recv().await {
-        sink.write_all(&numbered_frame(&message, sequence)).await?;
+        sink.write_all(&numbered_frame(&message, sequence, guard)).await?;
         count(&counters.sent);
     }
     Ok(())

@@ -96,6 +96,9 @@ pub(super) async fn run<T: Timer>(mut socket: Socket, mut ends: Ends<T>, stop: C
 
 fn take_in<T: Timer>(socket: &mut Socket, datagram: &[u8], from: SocketAddr, ends: &Ends<T>) {
     let arrived = ends.timer.now();
+    if !ends.guard.admits_address(from.ip()) {
+        return;
+    }
     let frames = frames(datagram);
     if !socket.admits(from, &frames, arrived) {
         count(&ends.counters.strangers);
@@ -105,7 +108,7 @@ fn take_in<T: Timer>(socket: &mut Socket, datagram: &[u8], from: SocketAddr, end
         count(&ends.counters.garbage_datagrams);
     }
     for frame in &frames {
-        hand_on(frame, arrived, &ends.received, &ends.counters);
+        hand_on(frame, arrived, &ends.received, &ends.counters, &ends.guard);
     }
 }
 
@@ -114,7 +117,7 @@ async fn send<T: Timer>(socket: &Socket, outgoing: &Outgoing, ends: &mut Ends<T>
         count(&ends.counters.send_failed);
         return;
     };
-    let frame = numbered_frame(outgoing, &mut ends.sequence);
+    let frame = numbered_frame(outgoing, &mut ends.sequence, &ends.guard);
     match socket.socket.send_to(&frame, peer.addr).await {
         Ok(_) => count(&ends.counters.sent),
         Err(_) => count(&ends.counters.send_failed),

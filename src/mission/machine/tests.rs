@@ -1,7 +1,7 @@
 //! Walks through the machine, and every way out of it.
 
 use super::*;
-use crate::messages::LandedState;
+use crate::messages::{LandedState, TakeOff};
 use std::time::Duration;
 
 fn inputs(seconds: f64) -> Inputs {
@@ -16,13 +16,23 @@ fn inputs(seconds: f64) -> Inputs {
         is_plan_done: false,
         is_plan_complete: true,
         heading_error_rad: Some(0.1),
+        height_over_home_m: Some(0.0),
         is_trajectory_over: false,
         is_at_target: false,
     }
 }
 
 fn vehicle(is_armed: bool, mode: FlightMode, landed: LandedState) -> VehicleState {
-    VehicleState { at: Stamp::ZERO, is_armed, mode, landed, in_failsafe: false }
+    VehicleState {
+        at: Stamp::ZERO,
+        is_armed,
+        mode,
+        landed,
+        in_failsafe: false,
+        is_ready: true,
+        is_contested: false,
+        takes_off: TakeOff::BySetpoints,
+    }
 }
 
 fn flying(seconds: f64) -> Inputs {
@@ -239,4 +249,57 @@ fn wishes_are_idempotent_and_senseless_ones_refused() {
     assert_eq!(mission.phase(), Phase::Survey);
     let mut idle = Mission::new(Settings::default());
     assert!(!idle.on_operator(OperatorVerb::Land, &inputs(0.0), &mut effects));
+}
+
+/// Inputs of a vehicle that takes off by command.
+fn by_command(seconds: f64, is_armed: bool, landed: LandedState, height_m: f64) -> Inputs {
+    let state = vehicle(is_armed, FlightMode::Companion, landed);
+    Inputs {
+        vehicle: Some(VehicleState { takes_off: TakeOff::ByCommand, ..state }),
+        height_over_home_m: Some(height_m),
+        ..inputs(seconds)
+    }
+}
+
+#[test]
+fn a_take_off_by_command_has_no_setpoint_on_the_ground() {
+    use LandedState::{InAir, OnGround, TakingOff};
+    let mut mission = Mission::new(Settings::default());
+    let mut effects = Vec::new();
+    assert!(mission.on_operator(
+        OperatorVerb::Start,
+        &by_command(0.0, false, OnGround, 0.0),
+        &mut effects
+    ));
+    for second in [2.0, 4.0] {
+        mission.step(&by_command(second, false, OnGround, 0.0), &mut effects);
+        assert!(!mission.is_steering());
+    }
+    assert!(effects.contains(&Effect::Command(VehicleCommand::Arm)));
+    mission.step(&by_command(5.0, true, OnGround, 0.0), &mut effects);
+    effects.clear();
+    mission.step(&by_command(5.1, true, OnGround, 0.0), &mut effects);
+    assert_eq!(effects, [Effect::Command(VehicleCommand::TakeOff)]);
+    // The first report of flight is not enough, nor is a height that a poor fix could show.
+    for (landed, height_m) in [(TakingOff, 0.2), (InAir, 0.5), (OnGround, 0.9)] {
+        mission.step(&by_command(6.0, true, landed, height_m), &mut effects);
+        assert!(!mission.is_steering(), "{landed:?} {height_m}");
+    }
+    effects.clear();
+    mission.step(&by_command(7.0, true, TakingOff, 0.75), &mut effects);
+    assert_eq!(effects, [Effect::Lifted]);
+    assert!(mission.is_steering());
+}
+
+#[test]
+fn a_take_off_by_command_that_does_not_lift_lands() {
+    let mut mission = Mission::new(Settings::default());
+    let mut effects = Vec::new();
+    let on_ground = |seconds, is_armed| by_command(seconds, is_armed, LandedState::OnGround, 0.0);
+    mission.on_operator(OperatorVerb::Start, &on_ground(0.0, false), &mut effects);
+    mission.step(&on_ground(2.0, false), &mut effects);
+    mission.step(&on_ground(3.0, true), &mut effects);
+    assert_eq!(mission.phase(), Phase::TakeOff);
+    assert!(mission.on_operator(OperatorVerb::Hold, &on_ground(4.0, true), &mut effects));
+    assert_eq!(mission.phase(), Phase::Land);
 }

@@ -2,7 +2,7 @@
 
 use crate::messages::{
     CameraId, FixSource, FlightMode, LandedState, OperatorRequest, OperatorVerb, Severity,
-    TagFamily, VehicleCommand, Verdict,
+    TagFamily, TakeOff, VehicleCommand, Verdict,
 };
 use crate::mission::Phase;
 use crate::pilot::JobId;
@@ -58,6 +58,15 @@ pub(super) enum VehicleCommandTwin {
     EnterCompanionMode,
     EnterHold,
     EnterLand,
+    TakeOff,
+}
+
+/// Logs from before two families were spoken are PX4's.
+#[derive(Serialize, Deserialize, JsonSchema)]
+#[serde(remote = "TakeOff", rename_all = "snake_case")]
+pub(super) enum TakeOffTwin {
+    BySetpoints,
+    ByCommand,
 }
 
 #[derive(Serialize, Deserialize, JsonSchema)]

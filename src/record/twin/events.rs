@@ -2,14 +2,14 @@
 
 use super::enums::{
     CameraIdTwin, FlightModeTwin, LandedStateTwin, OperatorRequestTwin, OperatorVerbTwin,
-    TagFamilyTwin, VehicleCommandTwin,
+    TagFamilyTwin, TakeOffTwin, VehicleCommandTwin,
 };
 use super::scalars::{Nanos, OptionalWxyz, Xyz};
 use crate::geometry::{Body, Direction, Hall, Point, Rotation};
 use crate::messages::{
     AutopilotPose, BatterySample, Beam, CameraId, CommandOutcome, FlightMode, ImuSample,
     LandedState, OperatorCommand, OperatorRequest, OperatorVerb, PointDetection, Scan,
-    TagDetection, TagDetections, TagFamily, VehicleCommand, VehicleState,
+    TagDetection, TagDetections, TagFamily, TakeOff, VehicleCommand, VehicleState,
 };
 use crate::time::{Mono, Stamp};
 use nalgebra::Vector3;
@@ -138,6 +138,7 @@ impl From<TagsTwin> for TagDetections {
 
 #[derive(Serialize, Deserialize, JsonSchema)]
 #[serde(remote = "VehicleState")]
+#[expect(clippy::struct_excessive_bools, reason = "the twin of independent facts")]
 pub(in crate::record) struct VehicleTwin {
     #[serde(rename = "at_ns", with = "Nanos")]
     at: Stamp<Mono>,
@@ -147,6 +148,20 @@ pub(in crate::record) struct VehicleTwin {
     #[serde(with = "LandedStateTwin")]
     landed: LandedState,
     in_failsafe: bool,
+    #[serde(default = "yes")]
+    is_ready: bool,
+    #[serde(default)]
+    is_contested: bool,
+    #[serde(with = "TakeOffTwin", default = "by_setpoints")]
+    takes_off: TakeOff,
+}
+
+const fn yes() -> bool {
+    true
+}
+
+const fn by_setpoints() -> TakeOff {
+    TakeOff::BySetpoints
 }
 
 #[derive(Serialize, Deserialize, JsonSchema)]

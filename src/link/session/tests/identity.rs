@@ -108,3 +108,144 @@ fn silence_of_three_seconds_is_told_once_and_heals() {
     scene.tick(5_010);
     assert!(scene.sent().iter().any(|m| matches!(m, MavMessage::COMMAND_LONG(_))), "streams");
 }
+
+fn ardupilot_heartbeat(mode: u32, state: MavState) -> MavMessage {
+    MavMessage::HEARTBEAT(HEARTBEAT_DATA {
+        custom_mode: mode,
+        mavtype: MavType::MAV_TYPE_QUADROTOR,
+        autopilot: MavAutopilot::MAV_AUTOPILOT_ARDUPILOTMEGA,
+        base_mode: MavModeFlag::from_bits_retain(0x59),
+        system_status: state,
+        mavlink_version: 3,
+    })
+}
+
+#[test]
+fn the_first_heartbeat_decides_the_family_and_another_one_is_a_rival() {
+    let mut scene = Scene::new();
+    scene.hears(AUTOPILOT, ardupilot_heartbeat(4, MavState::MAV_STATE_BOOT), 0);
+    let told = scene.told();
+    let [Event::Vehicle(state)] = told.as_slice() else { panic!("{told:?}") };
+    assert_eq!((state.mode, state.takes_off), (FlightMode::Companion, TakeOff::ByCommand));
+    assert!(!state.is_ready, "it still starts");
+    // The same system id with another family's numbers is somebody else.
+    scene.hears(AUTOPILOT, heartbeat(0x91, 0x0006_0000), 100);
+    assert!(scene.told().is_empty());
+    assert_eq!(scene.session.stats().refused_autopilots, 1);
+    for (ms, is_contested) in [(1_000, true), (10_000, true), (10_200, false)] {
+        scene.hears(AUTOPILOT, ardupilot_heartbeat(4, MavState::MAV_STATE_STANDBY), ms);
+        let told = scene.told();
+        let [Event::Vehicle(state)] = told.as_slice() else { panic!("{told:?}") };
+        assert!(state.is_ready);
+        assert_eq!(state.is_contested, is_contested, "{ms} ms");
+    }
+}
+
+#[test]
+fn a_plane_of_ardupilot_is_not_spoken_to() {
+    let mut scene = Scene::new();
+    let MavMessage::HEARTBEAT(mut plane) = ardupilot_heartbeat(4, MavState::MAV_STATE_STANDBY)
+    else {
+        panic!("a heartbeat")
+    };
+    plane.mavtype = MavType::MAV_TYPE_FIXED_WING;
+    scene.hears(AUTOPILOT, MavMessage::HEARTBEAT(plane), 0);
+    assert!(scene.told().is_empty());
+    assert_eq!(scene.session.autopilot_system(), None);
+}
+
+/// Altitudes of the origins that were sent, mm.
+#[expect(deprecated, reason = "both families listen to it")]
+fn origins(scene: &mut Scene) -> Vec<i32> {
+    let origin = |message| match message {
+        MavMessage::SET_GPS_GLOBAL_ORIGIN(data) => Some(data.altitude),
+        _ => None,
+    };
+    scene.sent().into_iter().filter_map(origin).collect()
+}
+
+#[test]
+fn ardupilot_gets_an_origin_until_it_has_one() {
+    let mut scene = Scene::new();
+    scene.hears(AUTOPILOT, ardupilot_heartbeat(0, MavState::MAV_STATE_STANDBY), 0);
+    scene.tick(0);
+    assert!(origins(&mut scene).is_empty(), "it may have one: first it is asked");
+    scene.tick(2_000);
+    assert_eq!(origins(&mut scene), [0]);
+    let origin = wire::GPS_GLOBAL_ORIGIN_DATA { altitude: 489_400, ..Default::default() };
+    scene.hears(AUTOPILOT, MavMessage::GPS_GLOBAL_ORIGIN(origin), 2_100);
+    assert!(origins(&mut scene).is_empty(), "its altitude does no harm there");
+    for second in 3..30 {
+        scene.hears(AUTOPILOT, ardupilot_heartbeat(0, MavState::MAV_STATE_STANDBY), second * 1_000);
+        scene.tick(second * 1_000);
+        assert!(origins(&mut scene).is_empty());
+    }
+}
+
+#[test]
+fn an_origin_of_px4_at_an_altitude_is_put_level_and_told() {
+    let mut scene = Scene::heard();
+    scene.sent();
+    let origin = wire::GPS_GLOBAL_ORIGIN_DATA {
+        latitude: 471_000_000,
+        longitude: 81_000_000,
+        altitude: 489_400,
+        time_usec: 0,
+    };
+    scene.hears(AUTOPILOT, MavMessage::GPS_GLOBAL_ORIGIN(origin.clone()), 100);
+    let is_told = scene.out.messages.iter().any(|m| matches!(m, MavMessage::STATUSTEXT(_)));
+    assert!(is_told);
+    assert_eq!(origins(&mut scene), [0]);
+    let level = wire::GPS_GLOBAL_ORIGIN_DATA { altitude: 0, ..origin };
+    scene.hears(AUTOPILOT, MavMessage::GPS_GLOBAL_ORIGIN(level), 200);
+    assert!(origins(&mut scene).is_empty());
+    assert_eq!(scene.session.stats().origins_levelled, 1);
+}
+
+#[test]
+fn whole_numbers_take_over_where_ardupilot_has_no_finer_samples() {
+    let mut scene = Scene::new();
+    scene.hears(AUTOPILOT, ardupilot_heartbeat(0, MavState::MAV_STATE_STANDBY), 0);
+    scene.sync(0, 0);
+    scene.told();
+    let raw = |ms| {
+        MavMessage::RAW_IMU(wire::RAW_IMU_DATA {
+            time_usec: u64::try_from(boot_at(at_ms(ms)).nanos() / 1_000).unwrap(),
+            xacc: 100,
+            yacc: 0,
+            zacc: -1000,
+            xgyro: 0,
+            ygyro: 250,
+            zgyro: 0,
+            ..Default::default()
+        })
+    };
+    scene.hears(AUTOPILOT, raw(1_000), 1_001);
+    assert!(scene.told().is_empty(), "nobody asked for them yet");
+    for ms in [2_000, 4_000] {
+        scene.hears(AUTOPILOT, ardupilot_heartbeat(0, MavState::MAV_STATE_STANDBY), ms);
+        scene.tick(ms);
+    }
+    scene.told();
+    scene.hears(AUTOPILOT, raw(4_100), 4_101);
+    let told = scene.told();
+    let [Event::Imu(imu)] = told.as_slice() else { panic!("{told:?}") };
+    // 0.1 g forward, 1 g up, 0.25 rad/s nose up: −0.25 about the axis to the left.
+    let accel = nalgebra::Vector3::new(0.980_665, 0.0, 9.806_65);
+    assert!((imu.accel_mps2 - accel).norm() < 1e-9, "{:?}", imu.accel_mps2);
+    assert!((imu.gyro_radps - nalgebra::Vector3::new(0.0, -0.25, 0.0)).norm() < 1e-9);
+}
+
+#[test]
+fn frames_that_the_numbering_skips_are_counted() {
+    let mut scene = Scene::heard();
+    let mut number = |sequence: u8| {
+        let header = MavHeader { system_id: 7, component_id: 1, sequence };
+        scene.session.on_message(&header, &heartbeat(0x1d, 0), at_ms(10), &mut scene.out);
+        scene.session.stats().messages_missed
+    };
+    let before = number(250);
+    assert_eq!(number(254) - before, 3);
+    assert_eq!(number(1) - before, 5, "255 and 0 across the wrap");
+    assert_eq!(number(0) - before, 5, "a late one is none that is missing");
+}
