@@ -50,6 +50,20 @@ pub struct GuardStats {
     pub flooded: u64,
 }
 
+impl GuardStats {
+    /// All of them.
+    #[must_use]
+    pub const fn refused(&self) -> u64 {
+        self.refused_addresses
+            + self.key_setups
+            + self.unsigned
+            + self.wrong_signatures
+            + self.replayed
+            + self.from_future
+            + self.flooded
+    }
+}
+
 /// The gate of one link.
 #[derive(Debug)]
 pub struct Guard {

@@ -25,6 +25,8 @@ const TICKS_PER_STATUS: u64 = 6;
 /// What waits in an input when a tick strikes is taken in first, but no more than this.
 const MAX_BEFORE_TICK: usize = 256;
 const WARN_EVERY: Duration = Duration::from_secs(1);
+/// Frames that the guard refuses may come for as long as somebody sends them.
+const WARN_OF_REFUSALS_EVERY: Duration = Duration::from_secs(10);
 
 /// Sources of events outside this service.
 #[derive(Debug)]
@@ -58,6 +60,8 @@ pub(super) struct Brain {
     status_tx: watch::Sender<ServiceStatus>,
     last_tick: Arc<AtomicI64>,
     warned: (Stamp<Mono>, u64),
+    /// When refused frames were told of last, and how many there were then.
+    warned_of_refusals: Option<(Stamp<Mono>, u64)>,
     warned_of_autopilots: bool,
 }
 
@@ -85,6 +89,7 @@ impl Brain {
             status_tx,
             last_tick: Arc::new(AtomicI64::new(now.nanos())),
             warned: (now, 0),
+            warned_of_refusals: None,
             warned_of_autopilots: false,
             clock,
         }
@@ -260,6 +265,7 @@ impl Brain {
         self.status.is_clock_known = self.session.is_clock_known();
         self.status.stats = self.full_stats();
         self.warn_of_loss(now);
+        self.warn_of_refusals(now);
         if !self.warned_of_autopilots && self.status.stats.link.refused_autopilots > 0 {
             self.warned_of_autopilots = true;
             tracing::warn!("a second autopilot, or one of another kind, is on the link");
@@ -273,6 +279,19 @@ impl Brain {
         if lost > lost_before && now.since(warned_at) >= WARN_EVERY {
             tracing::warn!(lost = lost - lost_before, stats = ?self.status.stats, "data was lost");
             self.warned = (now, lost);
+        }
+    }
+
+    /// A wrong key makes an autopilot look silent: somebody must be told why.
+    fn warn_of_refusals(&mut self, now: Stamp<Mono>) {
+        let guard = self.status.stats.transport.guard;
+        let n_refused = guard.refused();
+        let is_due = self.warned_of_refusals.is_none_or(|(at, n_before)| {
+            n_refused > n_before && now.since(at) >= WARN_OF_REFUSALS_EVERY
+        });
+        if n_refused > 0 && is_due {
+            tracing::warn!(?guard, "frames were refused before they were read");
+            self.warned_of_refusals = Some((now, n_refused));
         }
     }
 

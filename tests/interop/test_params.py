@@ -44,7 +44,42 @@ def seeded(values):
     return [word for name, value in values.items() for word in ("--param", f"{name}={value}")]
 
 
+# ArduCopter's own defaults, which a vehicle that was set up for outdoors has.
+ARDUPILOT_FILE = os.path.join(HERE, "..", "..", "firmware-params", "ardupilot-indoor-vision.parm")
+ARDUPILOT_MISTAKES = {
+    "VISO_TYPE": 0,
+    "EK3_SRC1_POSXY": 3,
+    "EK3_SRC1_POSZ": 1,
+    "EK3_SRC1_VELXY": 3,
+    "EK3_SRC1_YAW": 1,
+    "GPS1_TYPE": 1,
+    "COMPASS_ENABLE": 1,
+    "GUID_TIMEOUT": 3.0,
+    "FS_DR_ENABLE": 2,
+    "FS_THR_ENABLE": 1,
+}
+
+
+def ardupilot():
+    with open(ARDUPILOT_FILE, encoding="utf-8") as file:
+        right = dict(line.split() for line in file if not line.startswith("#"))
+    good = ["--flavour", "ardupilot", *seeded(right)]
+    with stub(*good) as ends:
+        code, report = params("check", ARDUPILOT_FILE, ends)
+        assert (code, report["parameters"]) == (0, []), report
+    for name, value in ARDUPILOT_MISTAKES.items():
+        with stub(*good, *seeded({name: value})) as ends:
+            code, report = params("check", ARDUPILOT_FILE, ends)
+            found = [row["name"] for row in report["parameters"]]
+            assert code == 1 and found == [name], (name, report)
+    with stub(*good, *seeded(ARDUPILOT_MISTAKES)) as ends:
+        code, report = params("write", ARDUPILOT_FILE, ends)
+        assert (code, report["written"], report["wrong"]) == (0, len(ARDUPILOT_MISTAKES), 0), report
+    print(f"params: each of {len(ARDUPILOT_MISTAKES)} mistakes on ArduCopter too, and all written")
+
+
 def main():
+    ardupilot()
     right = wanted()
     good = seeded({name: int(v) if name != "EKF2_EV_DELAY" else v for name, v in right.items()})
     with stub(*good) as ends:

@@ -49,6 +49,10 @@ def shown_by_mavproxy(messages):
             _, peer = vehicle.recvfrom(2048)
             vehicle.sendto(beat, peer)
             proxy.next_line(lambda line: "Detected vehicle" in line)
+            # It shows the texts of one component; the answer to the second line says that it does so now.
+            proxy.say("set target_component 191")
+            proxy.say("set target_component")
+            proxy.next_line(lambda line: "target_component" in line and "191" in line)
             for message in messages:
                 vehicle.sendto(bytes(message.get_msgbuf()), peer)
             lines = []

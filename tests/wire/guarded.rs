@@ -87,6 +87,33 @@ async fn signed_frames_pass_both_ways_and_replays_and_forgeries_do_not() {
 }
 
 #[tokio::test]
+async fn nobody_takes_a_silent_autopilots_place_without_its_key() {
+    let folder = TempDir::new().unwrap();
+    let (mut transport, driver) = transport(&signing(&folder)).await;
+    let local = transport.local_addr().unwrap();
+    let (peer, thief) = (Peer::new(local).await, Peer::new(local).await);
+    let theirs = SigningData::from_config(SigningConfig::new(KEY, 0, true, false));
+    peer.says(&px4_heartbeat()).await;
+    peer.says(&signed(&theirs, &battery())).await;
+    for _ in 0..2 {
+        patiently(transport.received.recv()).await.unwrap();
+    }
+    driver.advance_to(at_ms(60_000));
+    thief.says(&px4_heartbeat()).await;
+    until(|| transport.stats().strangers == 1).await;
+    // The same autopilot from another port, with the key: it may.
+    let moved = Peer::new(local).await;
+    let heartbeat = {
+        let bytes = px4_heartbeat();
+        let mut reader = mavlink::MavlinkReader::new(bytes.as_slice());
+        reader.read_any_message::<MavMessage>().unwrap().1
+    };
+    moved.says(&signed(&theirs, &heartbeat)).await;
+    patiently(transport.received.recv()).await.unwrap();
+    assert_eq!((transport.stats().received, transport.stats().guard.unsigned), (3, 1));
+}
+
+#[tokio::test]
 async fn strangers_by_address_are_not_even_parsed() {
     let settings = SecuritySettings { peers: vec!["127.0.0.2".parse().unwrap()], signing: None };
     let (transport, _driver) = transport(&settings).await;

@@ -112,7 +112,12 @@ async fn read_all<R: AsyncRead + Unpin, T: Timer>(
     let mut reader = AsyncMavlinkReader::new(source);
     loop {
         match reader.read_any_raw_message::<MavMessage>().await {
-            Ok(raw) => hand_on(&raw, timer.now(), received, counters, guard),
+            Ok(raw) => {
+                let arrived = timer.now();
+                if guard.admits(&raw, arrived) {
+                    hand_on(&raw, arrived, received, counters);
+                }
+            }
             Err(MessageReadError::Io(error)) => return error,
             Err(_) => count(&counters.undecodable),
         }

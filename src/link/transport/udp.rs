@@ -50,17 +50,20 @@ impl Socket {
         self.socket.local_addr()
     }
 
+    /// True if another address is the peer and speaks: what `from` says is not even parsed.
+    fn is_taken_by_another(&self, from: SocketAddr, now: Stamp<Mono>) -> bool {
+        self.peer.is_some_and(|peer| {
+            peer.addr != from && (peer.is_configured || now.since(peer.heard_at) < PEER_SILENT_FOR)
+        })
+    }
+
     /// True if frames from `from` may be handed on. The first autopilot's heartbeat fixes the
     /// peer; another address takes its place only after a long silence, and only the same way.
+    /// `frames` are those that the guard lets pass: nobody takes the place with a forged one.
     fn admits(&mut self, from: SocketAddr, frames: &[MAVLinkMessageRaw], now: Stamp<Mono>) -> bool {
-        if let Some(peer) = &mut self.peer {
-            if peer.addr == from {
-                peer.heard_at = now;
-                return true;
-            }
-            if peer.is_configured || now.since(peer.heard_at) < PEER_SILENT_FOR {
-                return false;
-            }
+        if let Some(peer) = self.peer.as_mut().filter(|peer| peer.addr == from) {
+            peer.heard_at = now;
+            return true;
         }
         let is_autopilot = frames.iter().any(is_autopilot_heartbeat);
         if is_autopilot {
@@ -99,16 +102,22 @@ fn take_in<T: Timer>(socket: &mut Socket, datagram: &[u8], from: SocketAddr, end
     if !ends.guard.admits_address(from.ip()) {
         return;
     }
-    let frames = frames(datagram);
+    if socket.is_taken_by_another(from, arrived) {
+        count(&ends.counters.strangers);
+        return;
+    }
+    let mut frames = frames(datagram);
+    let is_garbage = frames.is_empty();
+    frames.retain(|frame| ends.guard.admits(frame, arrived));
     if !socket.admits(from, &frames, arrived) {
         count(&ends.counters.strangers);
         return;
     }
-    if frames.is_empty() {
+    if is_garbage {
         count(&ends.counters.garbage_datagrams);
     }
     for frame in &frames {
-        hand_on(frame, arrived, &ends.received, &ends.counters, &ends.guard);
+        hand_on(frame, arrived, &ends.received, &ends.counters);
     }
 }
 
