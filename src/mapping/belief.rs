@@ -9,7 +9,7 @@
 //! - `ι`: information about the coarse field per area that was seen, 1/m⁴: seen ground counts
 //!   once, however many beams hit it, but for what the noise of the beams leaves
 //! - `k`: stretch of a flight over which the pose's error stays the same; `P_k` its covariance
-//! - `A_j`: area seen around node j, m²; what is left of the node's share w_j is a hole too small for
+//! - `A_j`: area seen around node j, m²; what is left of the node's share `w_j` is a hole too small for
 //!   the lattice, whose mean height differs by `s` from what the nodes around say
 //! - `c`: what no flight changes (calibration, base), m⁶
 //!

@@ -238,9 +238,8 @@ impl SurveyPlan {
         self.n_failures = 0;
         // A search goes on to better what it found; the others stand by their word.
         self.end = match (self.settings.planner, plan.end) {
-            (_, PlanEnd::Open) => None,
             // A search is asked again; and whether the target is reached is the account's to say.
-            (PlannerKind::Horizon, PlanEnd::Target) => None,
+            (_, PlanEnd::Open) | (PlannerKind::Horizon, PlanEnd::Target) => None,
             (PlannerKind::Horizon, PlanEnd::Budget) if !self.ahead.is_empty() => None,
             (_, end) => Some(end),
         };

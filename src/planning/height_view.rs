@@ -51,7 +51,7 @@ mod tests {
 
     /// A level floor with a wall of 2 m at x = 5 m; nothing is known beyond x = 8 m.
     fn hall() -> KnownHeights {
-        let grid = GridGeometry { x_min_m: 0.0, y_min_m: 0.0, cell_m: 0.25, n_cols: 40, n_rows: 4 };
+        let grid = GridGeometry { x_min_m: 0.0, y_min_m: 0.0, cell_m: 0.25, n_cols: 48, n_rows: 4 };
         let x_m = |cell: usize| grid.centre_m(cell).0;
         KnownHeights {
             grid,
@@ -70,13 +70,14 @@ mod tests {
             let origin = Vector3::new(1.0, 0.5, height_m);
             seen_ratio(&heights, &origin, &Vector2::new(x_m, 0.5), 0.7)
         };
-        // From 4 m over x = 1 m the ray over the wall's top at x = 5 m meets the floor at x = 9 m.
+        // From 4 m over x = 1 m the ray over the wall's far top at x = 5.25 m meets the floor at x = 9.5 m,
+        // and unknown ground, which is looked for half a metre lower, at x = 10.6 m.
         let is = |(height_m, x_m): (f64, f64), ratio: f64| {
             assert!((seen(height_m, x_m) - ratio).abs() < 1e-12, "{height_m} m, x = {x_m} m");
         };
         [3.0, 4.5].iter().for_each(|x_m| is((4.0, *x_m), 1.0));
-        [6.0, 7.5, 8.5].iter().for_each(|x_m| is((4.0, *x_m), 0.0));
-        is((4.0, 9.6), 0.7);
+        [6.0, 7.5, 8.5, 9.8].iter().for_each(|x_m| is((4.0, *x_m), 0.0));
+        is((4.0, 11.2), 0.7);
         // From 16 m the shadow is less than 0.6 m long.
         is((16.0, 6.0), 1.0);
         is((16.0, 8.5), 0.7);
