@@ -23,6 +23,7 @@ doc:
 
 # Programs that others wrote: readers of the log, pymavlink, MAVProxy, MAVSDK.
 interop:
+    bash tests/interop/run_lidar target/interop-lidar target/debug/stockpilot-sim
     bash tests/interop/run target/interop target/debug target/tmp
 
 # One simulated flight through the real service: `just fly --world piles --planner square-wave`.

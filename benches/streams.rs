@@ -6,7 +6,10 @@ use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use nalgebra::Vector3;
 use std::hint::black_box;
 use std::path::Path;
+use stockpilot::lidar::hokuyo::{BlockReader, sum_of};
 use stockpilot::lidar::ldrobot::{CLOCK_WRAP_MS, FRAME_SAMPLES, Frame, Parser, Sample, TURN_CDEG};
+use stockpilot::lidar::rplidar::{Answer, Node, StreamParser};
+use stockpilot::lidar::ydlidar::{Geometry, PacketParser, SampleFormat};
 use stockpilot::messages::{
     Beam, CameraId, ImuSample, Scan, TagDetection, TagDetections, TagFamily,
 };
@@ -29,11 +32,14 @@ fn lidar_bytes(n_frames: u16) -> Vec<u8> {
     (0..n_frames).flat_map(|k| frame(k).to_bytes()).collect()
 }
 
-fn parser(c: &mut Criterion) {
+/// Ten seconds of an LD19 come in chunks of this size.
+const CHUNK_BYTES: usize = 512;
+
+fn ldrobot(c: &mut Criterion) {
     let bytes = lidar_bytes(3_750);
     let n_frames = |bytes: &[u8]| {
         let (mut parser, mut n) = (Parser::new(), 0);
-        for chunk in bytes.chunks(512) {
+        for chunk in bytes.chunks(CHUNK_BYTES) {
             parser.feed(chunk, |_, _| n += 1);
         }
         n
@@ -42,6 +48,160 @@ fn parser(c: &mut Criterion) {
     let mut group = c.benchmark_group("ldrobot");
     group.throughput(Throughput::Bytes(bytes.len() as u64));
     group.bench_function("parse_10_s", |b| b.iter(|| n_frames(black_box(&bytes))));
+    group.finish();
+}
+
+/// Numbers that look like distances of a room, without a pattern that a processor could guess.
+fn scattered() -> impl Iterator<Item = u16> {
+    let mut state = 0x1234_5678_u32;
+    std::iter::from_fn(move || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        Some(600 + u16::try_from(state >> 20).unwrap_or(0))
+    })
+}
+
+/// A stream of `n` frames in a format of RPLIDAR, with good checksums and a turning head.
+fn rplidar_bytes(answer: Answer, n: u32) -> Vec<u8> {
+    let mut values = scattered();
+    let n_bytes = answer.frame_bytes();
+    let start_at = if answer == Answer::UltraDense { 8 } else { 2 };
+    let frame = |k: u32| {
+        let step_q6 = if answer == Answer::Standard { 46 } else { 46 * 16 };
+        let start_q6 = u16::try_from(k * step_q6 % 23_040).unwrap_or(0);
+        let mut frame: Vec<u8> =
+            values.by_ref().take(n_bytes).flat_map(u16::to_le_bytes).take(n_bytes).collect();
+        match answer {
+            Answer::Standard => {
+                frame[0] = 0xBE;
+                frame[1..3].copy_from_slice(&(start_q6 << 1 | 1).to_le_bytes());
+            }
+            Answer::Hq => {
+                frame[0] = 0xA5;
+                for k in 0..96 {
+                    frame[9 + 8 * k + 4..9 + 8 * k + 6].fill(0);
+                }
+                let mut crc = crc32fast::Hasher::new();
+                crc.update(&frame[..777]);
+                crc.update(&[0; 3]);
+                frame[777..].copy_from_slice(&crc.finalize().to_le_bytes());
+            }
+            _ => {
+                frame[start_at..start_at + 2].copy_from_slice(&start_q6.to_le_bytes());
+                let sum = frame[2..].iter().fold(0, |xor, byte| xor ^ byte);
+                (frame[0], frame[1]) = (0xA0 | (sum & 0xF), 0x50 | sum >> 4);
+            }
+        }
+        frame
+    };
+    (0..n).flat_map(frame).collect()
+}
+
+fn rplidar(c: &mut Criterion) {
+    let mut group = c.benchmark_group("rplidar");
+    for (name, answer) in [
+        ("standard", Answer::Standard),
+        ("legacy", Answer::Legacy),
+        ("hq", Answer::Hq),
+        ("ultra", Answer::Ultra),
+        ("dense", Answer::Dense),
+        ("ultra_dense", Answer::UltraDense),
+    ] {
+        let n_frames = u32::try_from(200_000 / answer.frame_bytes()).expect("few");
+        let bytes = rplidar_bytes(answer, n_frames);
+        let n_samples = |bytes: &[u8]| {
+            let (mut parser, mut packet, mut n) = (StreamParser::new(answer), Vec::new(), 0);
+            for chunk in bytes.chunks(CHUNK_BYTES) {
+                parser.feed(chunk, Stamp::ZERO, |arrived| {
+                    packet.clear();
+                    packet.extend(arrived.nodes.iter().map(Node::sample));
+                    n += black_box(&packet).len();
+                });
+            }
+            n
+        };
+        let waiting = if matches!(answer, Answer::Standard | Answer::Hq) { 0 } else { 1 };
+        let expected = (n_frames as usize - waiting) * answer.frame_samples();
+        assert_eq!(n_samples(&bytes), expected, "{name}");
+        group.throughput(Throughput::Bytes(bytes.len() as u64));
+        group.bench_function(name, |b| b.iter(|| n_samples(black_box(&bytes))));
+    }
+    group.finish();
+}
+
+/// Packets of 40 samples.
+fn ydlidar_bytes(format: SampleFormat, n_packets: u16) -> Vec<u8> {
+    let mut values = scattered();
+    let packet = |k: u16| {
+        let first = (k * 920 % 23_040) << 1 | 1;
+        let last = ((k * 920 + 897) % 23_040) << 1 | 1;
+        let mut sum = 0x55AA ^ first ^ last ^ u16::from_le_bytes([0, 40]);
+        let mut body = Vec::new();
+        for value in values.by_ref().take(40) {
+            if format == SampleFormat::IntensityAndDistance {
+                body.push(77);
+                sum ^= 77;
+            }
+            body.extend((value * 4).to_le_bytes());
+            sum ^= value * 4;
+        }
+        let head = [0xAA, 0x55, 0, 40];
+        let words = [first, last, sum].map(u16::to_le_bytes).concat();
+        [&head[..], &words, &body].concat()
+    };
+    (0..n_packets).flat_map(packet).collect()
+}
+
+fn ydlidar(c: &mut Criterion) {
+    let mut group = c.benchmark_group("ydlidar");
+    for (name, format, geometry) in [
+        ("triangle", SampleFormat::Distance, Geometry::Triangle),
+        ("time_of_flight", SampleFormat::Distance, Geometry::TimeOfFlight),
+        ("intensity", SampleFormat::IntensityAndDistance, Geometry::TimeOfFlight),
+    ] {
+        let bytes = ydlidar_bytes(format, 2_000);
+        let n_samples = |bytes: &[u8]| {
+            let (mut parser, mut n) = (PacketParser::new(geometry, format), 0);
+            for chunk in bytes.chunks(CHUNK_BYTES) {
+                parser.feed(chunk, |arrived| n += arrived.samples.len());
+            }
+            n
+        };
+        assert_eq!(n_samples(&bytes), 2_000 * 40, "{name}");
+        group.throughput(Throughput::Bytes(bytes.len() as u64));
+        group.bench_function(name, |b| b.iter(|| n_samples(black_box(&bytes))));
+    }
+    group.finish();
+}
+
+/// Scans of a UTM-30LX: 1,081 distances of three characters in lines of 64.
+fn hokuyo_bytes(n_scans: u32) -> Vec<u8> {
+    let line = |text: &[u8]| [text, &[sum_of(text), b'\n']].concat();
+    let mut values = scattered();
+    let scan = |_| {
+        let characters: Vec<u8> = values
+            .by_ref()
+            .take(1_081)
+            .flat_map(|mm| [mm >> 12, mm >> 6 & 63, mm & 63].map(|six| six.to_le_bytes()[0] + 0x30))
+            .collect();
+        let data = characters.chunks(64).flat_map(line).collect::<Vec<u8>>();
+        [b"MD0000108001000\n", &line(b"99")[..], &line(b"0123"), &data, b"\n"].concat()
+    };
+    (0..n_scans).flat_map(scan).collect()
+}
+
+fn hokuyo(c: &mut Criterion) {
+    let bytes = hokuyo_bytes(60);
+    let n_distances = |bytes: &[u8]| {
+        let (mut reader, mut n) = (BlockReader::new(1_081), 0);
+        for chunk in bytes.chunks(CHUNK_BYTES) {
+            reader.feed(chunk, |_, distances_mm, _| n += distances_mm.len());
+        }
+        n
+    };
+    assert_eq!(n_distances(&bytes), 60 * 1_081);
+    let mut group = c.benchmark_group("hokuyo");
+    group.throughput(Throughput::Bytes(bytes.len() as u64));
+    group.bench_function("scip_md", |b| b.iter(|| n_distances(black_box(&bytes))));
     group.finish();
 }
 
@@ -128,5 +288,5 @@ fn log(c: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, parser, log);
+criterion_group!(benches, ldrobot, rplidar, ydlidar, hokuyo, log);
 criterion_main!(benches);

@@ -16,6 +16,7 @@
 //! | 7 | `figure` | feature `figures`, part of `service`: pictures of maps and curves |
 //! | 8 | `config` | the file, checked and turned into the settings of all of them |
 //! | 9 | `service`, `survey` | tasks, clock, supervision; after the flight: merged maps, changes |
+//! | 10 | `doctor` | before the flight: what is connected, judged, with cures |
 
 pub mod units;
 
@@ -52,3 +53,6 @@ pub mod record;
 pub mod service;
 #[cfg(feature = "service")]
 pub mod survey;
+
+#[cfg(feature = "service")]
+pub mod doctor;

@@ -1,5 +1,7 @@
 //! The onboard program and its tools.
 
+#[path = "main/doctor.rs"]
+mod doctor;
 #[path = "main/params.rs"]
 mod params;
 
@@ -44,6 +46,8 @@ enum Command {
     Plan(PlanArgs),
     /// The autopilot's parameters beside a file's.
     Params(params::ParamsArgs),
+    /// What is connected, whether it works, and what to do where it does not.
+    Doctor(doctor::DoctorArgs),
 }
 
 #[derive(Debug, Args)]
@@ -178,6 +182,7 @@ fn main() -> anyhow::Result<ExitCode> {
         Command::Change(args) => run_change(&args),
         Command::Plan(args) => plan(&args),
         Command::Params(args) => params::run(&args),
+        Command::Doctor(args) => doctor::run(&args),
     }
 }
 

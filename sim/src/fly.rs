@@ -6,7 +6,7 @@
 
 use crate::hall::{Devices, config};
 use crate::judge::PoseJudge;
-use crate::lidar::{LineFaults, PtyLidar};
+use crate::lidar::{LineFaults, Optics, SerialLidar};
 use crate::load::LoadMeter;
 use crate::operator::Operator;
 use crate::report::{Measured, RunReport};
@@ -72,8 +72,11 @@ pub fn run(scenario: &Scenario, options: &FlyOptions) -> anyhow::Result<RunRepor
         Some(address) => announced(Operator::at_station(address)?),
         None => Operator::default(),
     };
+    let mut rig = scenario.rig();
+    let optics = rig.take_optics().context("the rig has no LiDAR")?;
     let mut flight = Flight {
-        rig: scenario.rig(),
+        rig,
+        optics,
         operator,
         poses: PoseJudge::default(),
         devices,
@@ -129,7 +132,7 @@ fn write_config(config: &Config, log: &Path) -> anyhow::Result<()> {
 
 /// The far ends of the service's links.
 struct EmulatedDevices {
-    lidar: PtyLidar,
+    lidar: SerialLidar,
     /// The autopilot's socket.
     link: UdpSocket,
     link_peer: Option<SocketAddr>,
@@ -142,7 +145,7 @@ struct EmulatedDevices {
 impl EmulatedDevices {
     fn open(scenario: &Scenario) -> anyhow::Result<Self> {
         let seeds = SeedBook::new(scenario.seed);
-        let baud = scenario.lidar.model().baud;
+        let model = scenario.lidar.model();
         let faults = LineFaults { checks_speed: true, ..LineFaults::default() };
         let socket = || -> std::io::Result<UdpSocket> {
             let socket = UdpSocket::bind("127.0.0.1:0")?;
@@ -150,7 +153,8 @@ impl EmulatedDevices {
             Ok(socket)
         };
         Ok(Self {
-            lidar: PtyLidar::open(baud, faults, seeds).context("no pseudo-terminal")?,
+            lidar: SerialLidar::open(&model, faults, seeds, Stamp::ZERO, true)
+                .context("no pseudo-terminal")?,
             link: socket().context("no socket for the autopilot")?,
             link_peer: None,
             detector: socket().context("no socket for the detector")?,
@@ -235,6 +239,7 @@ impl Pace {
 
 struct Flight {
     rig: Rig,
+    optics: Optics,
     operator: Operator,
     poses: PoseJudge,
     devices: EmulatedDevices,
@@ -274,9 +279,9 @@ impl Flight {
         for (header, message) in &output.to_companion {
             self.devices.send_mavlink(*header, message)?;
         }
-        for packet in &output.packets {
-            self.devices.lidar.send(packet).context("the LiDAR's line broke")?;
-        }
+        let rig = &self.rig;
+        let mut view = self.optics.view(rig.world(), |at| rig.pose_at(at));
+        self.devices.lidar.advance(now, &mut view).context("the LiDAR's line broke")?;
         for frame in &output.frames {
             if let Some(peer) = self.devices.detections_peer {
                 let line = crate::camera::detections_line(frame)? + "\n";

@@ -17,6 +17,8 @@ pub mod hall;
 pub mod hazards;
 pub mod judge;
 pub mod lidar;
+mod lidar_catalogue;
+pub mod lidar_command;
 pub mod load;
 pub mod machine;
 pub mod operator;

@@ -1,25 +1,35 @@
 //! A rotating 2D LiDAR in the true hall.
 //!
-//! [`LidarSimulator`] turns true poses into [`Packet`]s of twelve samples, as LDROBOT sensors
-//! measure them. A packet becomes 47 bytes for a serial line ([`encode`], [`PtyLidar`]) or a part of
-//! a turn for campaigns ([`TurnAssembler`]); both carry the very same samples.
+//! [`LidarSimulator`] turns true poses into [`Packet`]s of twelve samples for campaigns, without
+//! bytes. [`SerialLidar`] is the same sensor as hardware: firmware that hears commands, spins its
+//! motor up and packs samples in its maker's way, a transmitter with the line's speed, and a
+//! pseudo-terminal. For LDROBOT sensors both carry the very same samples.
 //!
 //! ```text
-//! true poses ─▶ LidarSimulator ─▶ Packet ─┬▶ encode ─▶ PtyLidar ─▶ the service's serial driver
-//!                                         └▶ TurnAssembler ─▶ Scan
+//! true poses ─▶ Optics ─┬▶ LidarSimulator ─ Packet ─▶ TurnAssembler ─▶ Scan
+//!                       └▶ Device ─ Frame ─▶ Uart ─▶ PtyLine ◀─▶ the service's serial driver
 //! ```
 
+mod device;
 mod frame;
+mod head;
 mod model;
 mod pose_track;
 mod pty;
+mod scene;
+mod serial;
 mod simulator;
 mod turns;
+mod uart;
 
+pub use device::{Device, Firmware, Format, Frame, Mishap, device};
 pub use frame::{FRAME_LEN, encode};
 pub use model::LidarModel;
+pub(crate) use model::hanging_mount;
 pub use pose_track::PoseTrack;
-pub use pty::{LineCounts, LineFaults, PtyLidar};
+pub use pty::{LineCounts, LineFaults, PtyLine};
+pub use scene::{Echo, HallView, Optics, Room, Scene};
+pub use serial::SerialLidar;
 pub use simulator::{LidarSimulator, Packet, SAMPLES_PER_PACKET, Sample};
 pub use turns::TurnAssembler;
 

@@ -15,6 +15,7 @@ use stockpilot_sim::campaign::{self, Witnessed};
 use stockpilot_sim::comparison::{self, ComparisonArgs};
 use stockpilot_sim::consistency::{self, ConsistencyArgs};
 use stockpilot_sim::fly::{self, FlyOptions};
+use stockpilot_sim::lidar_command::{self, LidarArgs};
 use stockpilot_sim::paper::{self, PaperArgs};
 use stockpilot_sim::parallel::{n_cores, run_in_order};
 use stockpilot_sim::report::{CampaignReport, RunReport};
@@ -38,6 +39,8 @@ enum Command {
     Consistency(ConsistencyArgs),
     /// The experiment of the paper: its pictures and its table.
     Paper(PaperArgs),
+    /// One emulated LiDAR on a pseudo-terminal, for any program.
+    Lidar(LidarArgs),
     /// The stub autopilot as a program of its own, for clients that others wrote.
     Autopilot(AutopilotArgs),
 }
@@ -96,6 +99,7 @@ fn main() -> anyhow::Result<ExitCode> {
         Some(Command::Campaign(args)) => run_campaign(&args),
         Some(Command::Consistency(args)) => consistency::run(&args).map(|()| ExitCode::SUCCESS),
         Some(Command::Paper(args)) => paper::run(&args).map(|()| ExitCode::SUCCESS),
+        Some(Command::Lidar(args)) => lidar_command::run(&args).map(|()| ExitCode::SUCCESS),
         Some(Command::Autopilot(args)) => autopilot_command::run(&args).map(|()| ExitCode::SUCCESS),
         Some(Command::Fly(args)) => run_fly(&args),
         None => run_fly(&FlyArgs::parse_from(["fly"])),

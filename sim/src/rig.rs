@@ -2,7 +2,7 @@
 
 use crate::autopilot::{Flavour, Sensors, StubAutopilot};
 use crate::camera::{CameraModel, CameraSimulator};
-use crate::lidar::{LidarModel, LidarSimulator, Packet, PoseTrack};
+use crate::lidar::{LidarModel, LidarSimulator, Optics, Packet, PoseTrack};
 use crate::machine::Machine;
 use crate::vehicle::{MotorCommands, Surroundings, Vehicle, VehicleSettings};
 use crate::world::World;
@@ -10,7 +10,7 @@ use mavlink::MavHeader;
 use mavlink::dialects::ardupilotmega::MavMessage;
 use nalgebra::Vector3;
 use std::time::Duration;
-use stockpilot::geometry::{Hall, Point, Rotation, Transform};
+use stockpilot::geometry::{Body, Hall, Point, Rotation, Transform};
 use stockpilot::messages::TagDetections;
 use stockpilot::stats::SeedBook;
 use stockpilot::time::{Mono, Stamp};
@@ -26,7 +26,7 @@ pub struct Rig {
     autopilot: StubAutopilot,
     motors: MotorCommands,
     track: PoseTrack,
-    lidar: LidarSimulator,
+    lidar: Option<LidarSimulator>,
     camera: CameraSimulator,
     machine: Option<Machine>,
     flown_m: f64,
@@ -56,7 +56,7 @@ impl Rig {
             autopilot: StubAutopilot::indoor(Flavour::Px4, BOOT_LEAD),
             motors: MotorCommands::default(),
             track: PoseTrack::default(),
-            lidar: LidarSimulator::new(lidar, seeds, start),
+            lidar: Some(LidarSimulator::new(lidar, seeds, start)),
             camera: CameraSimulator::new(camera, seeds, start),
             world,
             machine: None,
@@ -103,10 +103,25 @@ impl Rig {
         self.track.push(now, pose);
         let pose_at = |at| self.track.at(at).unwrap_or(pose);
         RigOutput {
-            packets: self.lidar.advance(&self.world, now, pose_at),
+            packets: self
+                .lidar
+                .as_mut()
+                .map_or_else(Vec::new, |lidar| lidar.advance(&self.world, now, pose_at)),
             frames: self.camera.advance(&self.world, now, pose_at),
             to_companion: self.autopilot.take_outgoing(),
         }
+    }
+
+    /// Takes the LiDAR's optics off, for an emulated sensor that measures with them; no packets
+    /// come from the rig any more. `None` the second time.
+    pub fn take_optics(&mut self) -> Option<Optics> {
+        self.lidar.take().map(LidarSimulator::into_optics)
+    }
+
+    /// The true pose of the body at an instant of the last steps.
+    #[must_use]
+    pub fn pose_at(&self, at: Stamp<Mono>) -> Transform<Hall, Body> {
+        self.track.at(at).unwrap_or_else(|| self.vehicle.hall_from_body())
     }
 
     /// The instant of the last step.

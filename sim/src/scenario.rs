@@ -13,6 +13,7 @@ use clap::{Args, ValueEnum};
 use std::ops::Range;
 use std::path::Path;
 use stockpilot::config::{PlannerName, SurfaceName, VolumeVarianceName};
+use stockpilot::lidar;
 use stockpilot::stats::SeedBook;
 
 /// Worlds that are made from a seed.
@@ -42,8 +43,8 @@ pub struct ScenarioArgs {
     /// How the variances of the cells become the volume's; the service's own default if left out.
     #[arg(long, value_enum)]
     pub variance: Option<Variance>,
-    /// The LiDAR: 4,500 or 21,600 samples/s.
-    #[arg(long, value_enum, default_value_t = Lidar::Ld19)]
+    /// The LiDAR: ld19, rplidar-a3, ydlidar-g4, hokuyo-utm30lx, or any other with a driver.
+    #[arg(long, value_parser = lidar_named, default_value = "ld19")]
     pub lidar: Lidar,
     /// The family of the stub autopilot.
     #[arg(long, value_enum, default_value_t = Flavour::Px4)]
@@ -139,15 +140,6 @@ impl Variance {
     }
 }
 
-/// Which LiDAR.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Lidar {
-    /// LD19, 4,500 samples/s.
-    Ld19,
-    /// STL-27L, 21,600 samples/s.
-    Stl27l,
-}
-
 impl Planner {
     /// The planner's name in the configuration.
     #[must_use]
@@ -192,24 +184,33 @@ impl Surface {
     }
 }
 
+/// Which LiDAR: any that the service has a driver for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Lidar(pub lidar::Model);
+
 impl Lidar {
+    /// LDROBOT LD19.
+    #[expect(non_upper_case_globals, reason = "reads like the other choices of a scenario")]
+    pub const Ld19: Self = Self(lidar::Model::Ld19);
+
     /// The simulated sensor.
     #[must_use]
     pub fn model(self) -> LidarModel {
-        match self {
-            Self::Ld19 => LidarModel::ld19(),
-            Self::Stl27l => LidarModel::stl27l(),
-        }
+        LidarModel::of(self.0)
     }
 
     /// The sensor's name in the configuration and in results.
     #[must_use]
     pub const fn name(self) -> &'static str {
-        match self {
-            Self::Ld19 => "ld19",
-            Self::Stl27l => "stl27l",
-        }
+        self.0.name()
     }
+}
+
+/// The sensor with this name.
+fn lidar_named(name: &str) -> Result<Lidar, String> {
+    lidar::Model::from_name(name).map(Lidar).ok_or_else(|| {
+        format!("{name:?} is not {}", lidar::Model::ALL.map(lidar::Model::name).join(", "))
+    })
 }
 
 /// How a run differs from a hall and a vehicle that are exactly as they should be.

@@ -101,9 +101,14 @@ impl Config {
     /// # Errors
     /// An unknown model, no port, or a baud rate out of range.
     pub fn lidar_settings(&self) -> Result<lidar::Settings, ConfigError> {
-        let model = lidar::Model::from_name(&self.lidar.model).ok_or_else(|| {
-            invalid("lidar.model", format!("{:?} is not ld19 or stl27l", self.lidar.model))
-        })?;
+        let name = self.lidar.model.as_str();
+        let model = if name.eq_ignore_ascii_case("auto") {
+            None
+        } else {
+            let known = lidar::Model::ALL.map(lidar::Model::name).join(", ");
+            let unknown = || invalid("lidar.model", format!("{name:?} is not auto, {known}"));
+            Some(lidar::Model::from_name(name).ok_or_else(unknown)?)
+        };
         lidar::Settings { port: self.lidar.port.clone(), model, baud: self.lidar.baud }
             .validated()
             .map_err(|error| invalid("lidar", error.to_string()))

@@ -1,21 +1,19 @@
-//! Turns frames into stamped scans.
+//! Turns packets into stamped scans.
 
 mod frame_clock;
-mod gap;
 
-use super::Model;
-use super::ldrobot::{FRAME_BYTES, FRAME_SAMPLES, Frame};
+use super::{Packet, Sample};
 use crate::messages::{Beam, Scan};
 use crate::time::{Mono, Stamp};
 use crate::units::{rad_from_deg, wrapped_rad};
 use frame_clock::FrameClock;
-use gap::frames_between;
 use std::time::Duration;
 
 /// A scan is handed on at this age even if the head has not come round.
 const MAX_SCAN_AGE: Duration = Duration::from_millis(150);
-/// A step back of the angle by more than this is a new turn, not jitter of the encoder, °.
-const WRAP_STEP_DEG: f64 = 5.0;
+/// Where the head passes its front mark, angles jitter by some degrees; only an angle that has
+/// gone this far since the last turn began ends it, °.
+const LEAST_TURN_DEG: f32 = 180.0;
 /// A serial line sends a start bit, eight data bits and a stop bit for each byte.
 const BITS_PER_BYTE: u64 = 10;
 
@@ -24,75 +22,87 @@ const BITS_PER_BYTE: u64 = 10;
 pub struct AssemblerStats {
     /// Beams put into scans, with or without a return.
     pub beams: u64,
-    /// Places where frames are missing.
+    /// Places where packets are missing.
     pub gaps: u64,
-    /// Samples that the sensor took but that never came, as far as angle and device time tell.
+    /// Samples that the sensor took but that never came, as far as its angles and its clock tell.
     pub missing_samples: u64,
     /// Times that the estimate of the sensor's clock was begun anew after a long pause.
     pub clock_restarts: u64,
+    /// Turns of the head that were completed.
+    pub turns: u64,
 }
 
-/// Puts frames together to one scan per turn of the head, and stamps every beam.
+/// Puts packets together to one scan per turn of the head, and stamps every beam.
 ///
 /// The device's clockwise angle becomes the counter-clockwise angle of `Lidar`: device 0° is x,
 /// device 270° is y. A sample is measured at
 ///
 /// ```text
-/// tᵢ = t_arrival − n_bytes · 10 / baud − (11 − i) · T        (1)
+/// tᵢ = t_arrival − n_bytes · 10 / baud − t_delay − (n − 1 − i) · T        (1)
 /// ```
-/// - `t_arrival`: when the chunk that ended the frame was read
-/// - `n_bytes`: the frame's 47 bytes and those behind it in the same chunk
+/// - `t_arrival`: when the chunk that ended the packet was read
+/// - `n_bytes`: the packet's bytes and those behind it in the same chunk
+/// - `t_delay`: from the last of the `n` samples until the packet leaves the sensor
 /// - `T`: time between two samples
 ///
-/// The frame is taken to leave the sensor right after its last sample. Late arrivals are bounded by
-/// the previous frame plus the nominal period, so a stalled reader bends no stamps. Stamps never
-/// go back.
+/// Late arrivals are bounded by the previous packet plus the stated period, so a stalled reader
+/// bends no stamps. Stamps never go back.
 #[derive(Debug, Clone)]
 pub struct ScanAssembler {
-    model: Model,
     byte_time: Duration,
     clock: FrameClock,
-    previous: Option<Frame>,
     scan: Scan,
-    last_angle_deg: f64,
+    /// Degrees that the head has gone since the turn began.
+    progress_deg: f32,
+    last_deg: Option<f32>,
     last_beam_at: Stamp<Mono>,
     stats: AssemblerStats,
 }
 
 impl ScanAssembler {
-    /// An assembler for frames of `model` that come over a line of `baud` bit/s.
+    /// An assembler for packets that come over a line of `baud` bit/s; 0 for a line without bits,
+    /// such as USB.
     #[must_use]
-    pub fn new(model: Model, baud: u32) -> Self {
+    pub fn new(baud: u32) -> Self {
+        let nanos = (BITS_PER_BYTE * 1_000_000_000).checked_div(u64::from(baud));
         Self {
-            model,
-            byte_time: Duration::from_nanos(BITS_PER_BYTE * 1_000_000_000 / u64::from(baud.max(1))),
-            clock: FrameClock::new(model.sample_period()),
-            previous: None,
+            byte_time: Duration::from_nanos(nanos.unwrap_or(0)),
+            clock: FrameClock::new(),
             scan: Scan { start: Stamp::ZERO, beams: Vec::new() },
-            last_angle_deg: 0.0,
+            progress_deg: 0.0,
+            last_deg: None,
             last_beam_at: Stamp::from_nanos(i64::MIN),
             stats: AssemblerStats::default(),
         }
     }
 
-    /// Takes in a frame that ended `n_bytes_after` bytes before the end of a chunk read at
-    /// `received_at`, and hands each scan that it completes to `on_scan`.
-    pub fn push(
-        &mut self,
-        frame: &Frame,
-        received_at: Stamp<Mono>,
-        n_bytes_after: usize,
-        mut on_scan: impl FnMut(Scan),
-    ) {
-        let n_frames = self.note_gap(frame);
-        let n_bytes = u32::try_from(FRAME_BYTES + n_bytes_after).unwrap_or(u32::MAX);
-        let sent_at = received_at.minus(self.byte_time * n_bytes);
-        let last_sample_at = self.clock.last_sample_at(frame, sent_at, n_frames);
-        self.stats.clock_restarts = self.clock.restarts();
-        for sample_idx in 0..FRAME_SAMPLES {
-            self.push_sample(frame, sample_idx, last_sample_at, &mut on_scan);
+    /// Takes in a packet and hands each scan that it completes to `on_scan`.
+    pub fn push(&mut self, packet: &Packet, mut on_scan: impl FnMut(Scan)) {
+        if packet.samples.is_empty() {
+            return;
         }
-        self.previous = Some(*frame);
+        if packet.n_lost > 0 {
+            self.stats.gaps += 1;
+            self.stats.missing_samples += u64::from(packet.n_lost);
+            if !packet.ends_turn {
+                self.bridge_gap(packet.samples[0].clockwise_deg, &mut on_scan);
+            }
+        }
+        let n_bytes = u32::try_from(packet.n_bytes).unwrap_or(u32::MAX);
+        let on_line = self.byte_time.saturating_mul(n_bytes).saturating_add(packet.delay);
+        let sent_at = packet.received_at.minus(on_line);
+        let last_sample_at = self.clock.last_sample_at(packet, sent_at);
+        self.stats.clock_restarts = self.clock.restarts();
+        let period = self.clock.sample_period();
+        let mut n_later = u32::try_from(packet.samples.len()).unwrap_or(u32::MAX);
+        for sample in &packet.samples {
+            n_later -= 1;
+            let at = last_sample_at.minus(period * n_later).max(self.last_beam_at);
+            self.push_sample(*sample, at, &mut on_scan);
+        }
+        if packet.ends_turn {
+            self.end_turn(&mut on_scan);
+        }
     }
 
     /// Hands on the open scan if it began more than 150 ms before `now`.
@@ -105,8 +115,8 @@ impl ScanAssembler {
     /// Hands on the open scan and forgets the sensor's clock, as after a reopened port.
     pub fn reset(&mut self, mut on_scan: impl FnMut(Scan)) {
         self.finish_scan(&mut on_scan);
-        self.previous = None;
-        self.clock = FrameClock::new(self.model.sample_period());
+        self.clock = FrameClock::new();
+        self.last_deg = None;
     }
 
     /// Counts so far.
@@ -115,48 +125,62 @@ impl ScanAssembler {
         self.stats
     }
 
-    /// Frames from the previous one to this one; 1 if none is missing.
-    fn note_gap(&mut self, frame: &Frame) -> u32 {
-        let n_frames =
-            self.previous.map_or(1, |previous| frames_between(&previous, frame, self.model));
-        if n_frames > 1 {
-            self.stats.gaps += 1;
-            self.stats.missing_samples += u64::from(n_frames - 1) * FRAME_SAMPLES as u64;
-        }
-        n_frames
-    }
-
-    fn push_sample(
-        &mut self,
-        frame: &Frame,
-        sample_idx: usize,
-        last_sample_at: Stamp<Mono>,
-        on_scan: &mut impl FnMut(Scan),
-    ) {
-        let n_later = u32::try_from(FRAME_SAMPLES - 1 - sample_idx).unwrap_or(0);
-        let at = last_sample_at.minus(self.clock.sample_period() * n_later).max(self.last_beam_at);
-        let angle_deg = frame.angle_deg(sample_idx);
-        let is_new_turn = angle_deg < self.last_angle_deg - WRAP_STEP_DEG;
-        if is_new_turn || at.since(self.scan.start) > MAX_SCAN_AGE {
+    fn push_sample(&mut self, sample: Sample, at: Stamp<Mono>, on_scan: &mut impl FnMut(Scan)) {
+        if self.has_come_round(sample.clockwise_deg) {
+            self.end_turn(on_scan);
+        } else if at.since(self.scan.start) > MAX_SCAN_AGE {
             self.finish_scan(on_scan);
         }
         if self.scan.beams.is_empty() {
             self.scan.start = at;
         }
-        let sample = frame.samples[sample_idx];
         self.scan.beams.push(Beam {
             offset_ns: u32::try_from(at.nanos_since(self.scan.start)).unwrap_or(u32::MAX),
-            angle_rad: lidar_angle_rad(angle_deg),
-            range_m: f32::from(sample.range_mm) / 1000.0,
+            angle_rad: lidar_angle_rad(sample.clockwise_deg),
+            range_m: sample.range_m,
             intensity: sample.intensity,
         });
         self.stats.beams += 1;
-        self.last_angle_deg = angle_deg;
         self.last_beam_at = at;
     }
 
+    /// Over a gap the head has gone forward, however far.
+    fn bridge_gap(&mut self, clockwise_deg: f32, on_scan: &mut impl FnMut(Scan)) {
+        let Some(last_deg) = self.last_deg.replace(clockwise_deg) else { return };
+        self.progress_deg += (clockwise_deg - last_deg).rem_euclid(360.0);
+        if clockwise_deg < last_deg && self.progress_deg > LEAST_TURN_DEG {
+            self.end_turn(on_scan);
+        }
+    }
+
+    /// True if the head passes its front mark with the step to this angle.
+    fn has_come_round(&mut self, clockwise_deg: f32) -> bool {
+        let Some(last_deg) = self.last_deg.replace(clockwise_deg) else {
+            // Where the first turn began is not known.
+            self.progress_deg = LEAST_TURN_DEG;
+            return false;
+        };
+        let step_deg = clockwise_deg - last_deg;
+        let passes_mark = step_deg < -180.0;
+        let is_back_over_mark = step_deg > 180.0;
+        let forward_deg = match (passes_mark, is_back_over_mark) {
+            (true, _) => step_deg + 360.0,
+            (_, true) => step_deg - 360.0,
+            _ => step_deg,
+        };
+        self.progress_deg += forward_deg;
+        passes_mark && self.progress_deg > LEAST_TURN_DEG
+    }
+
+    fn end_turn(&mut self, on_scan: &mut impl FnMut(Scan)) {
+        self.stats.turns += 1;
+        self.progress_deg = 0.0;
+        self.finish_scan(on_scan);
+    }
+
     fn finish_scan(&mut self, on_scan: &mut impl FnMut(Scan)) {
-        let beams = std::mem::take(&mut self.scan.beams);
+        let n_beams = self.scan.beams.len();
+        let beams = std::mem::replace(&mut self.scan.beams, Vec::with_capacity(n_beams));
         if !beams.is_empty() {
             on_scan(Scan { start: self.scan.start, beams });
         }
@@ -165,8 +189,8 @@ impl ScanAssembler {
 
 /// Counter-clockwise angle in `Lidar`, rad, in (−π, π], from the clockwise angle of the device, °.
 #[expect(clippy::cast_possible_truncation, reason = "single precision is what a beam holds")]
-fn lidar_angle_rad(device_deg: f64) -> f32 {
-    wrapped_rad(-rad_from_deg(device_deg)) as f32
+fn lidar_angle_rad(device_deg: f32) -> f32 {
+    wrapped_rad(-rad_from_deg(f64::from(device_deg))) as f32
 }
 
 #[cfg(test)]

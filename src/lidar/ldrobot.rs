@@ -13,10 +13,13 @@
 //! Source: LDROBOT development manual of the LD19, section 3; `ldlidar_stl_sdk` 3.0.3, `lipkg.h`.
 
 mod frame;
+mod gap;
 mod parser;
+mod sensor;
 
 pub use frame::{Frame, Sample};
 pub use parser::{Parser, ParserStats};
+pub use sensor::Ldrobot;
 
 /// Bytes in a frame.
 pub const FRAME_BYTES: usize = 47;

@@ -8,9 +8,9 @@ use std::ops::RangeInclusive;
 pub struct Settings {
     /// Path of the serial device, such as `/dev/ttyUSB0` or a `/dev/serial/by-path/…` link.
     pub port: String,
-    /// The sensor.
-    pub model: Model,
-    /// Line speed, bit/s; `None` for the model's own.
+    /// The sensor; `None` to find out.
+    pub model: Option<Model>,
+    /// Line speed, bit/s; `None` for the model's own, or to find out.
     pub baud: Option<u32>,
 }
 
@@ -36,10 +36,10 @@ impl Settings {
     /// Line speeds that are accepted, bit/s.
     pub const BAUD_RANGE: RangeInclusive<u32> = 9_600..=1_000_000;
 
-    /// The line speed in use, bit/s.
+    /// The line speed that is known before the sensor is asked, bit/s.
     #[must_use]
-    pub fn effective_baud(&self) -> u32 {
-        self.baud.unwrap_or_else(|| self.model.default_baud())
+    pub fn known_baud(&self) -> Option<u32> {
+        self.baud.or_else(|| self.model.map(Model::default_baud))
     }
 
     /// Checks every field.
@@ -50,8 +50,7 @@ impl Settings {
         if self.port.trim().is_empty() {
             return Err(SettingsError::NoPort);
         }
-        let got = self.effective_baud();
-        if !Self::BAUD_RANGE.contains(&got) {
+        if let Some(got) = self.baud.filter(|baud| !Self::BAUD_RANGE.contains(baud)) {
             let (lo, hi) = (*Self::BAUD_RANGE.start(), *Self::BAUD_RANGE.end());
             return Err(SettingsError::Baud { got, lo, hi });
         }
@@ -65,8 +64,8 @@ mod tests {
 
     #[test]
     fn the_model_knows_its_baud_and_nonsense_is_refused() {
-        let good = Settings { port: "/dev/ttyUSB0".into(), model: Model::Stl27l, baud: None };
-        assert_eq!(good.effective_baud(), 921_600);
+        let good = Settings { port: "/dev/ttyUSB0".into(), model: Some(Model::Stl27l), baud: None };
+        assert_eq!(good.known_baud(), Some(921_600));
         assert!(good.clone().validated().is_ok());
         let fast = Settings { baud: Some(2_000_000), ..good.clone() };
         assert!(matches!(fast.validated(), Err(SettingsError::Baud { got: 2_000_000, .. })));

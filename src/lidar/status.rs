@@ -1,5 +1,6 @@
 //! How the sensor and its line are doing.
 
+use super::Identity;
 use crate::time::{Mono, Stamp};
 
 /// Counts since the driver started.
@@ -9,8 +10,8 @@ pub struct LidarStats {
     pub bytes: u64,
     /// Good frames.
     pub frames: u64,
-    /// Candidates that failed the CRC.
-    pub crc_errors: u64,
+    /// Frames refused for their checksum or for impossible numbers.
+    pub checksum_errors: u64,
     /// Bytes that belong to no good frame.
     pub skipped_bytes: u64,
     /// Samples that the sensor took but that never came.
@@ -23,6 +24,8 @@ pub struct LidarStats {
     pub lost_beams: u64,
     /// Times that the port was opened again after it was gone.
     pub reconnects: u64,
+    /// Times that the conversation with the sensor was begun anew.
+    pub restarts: u64,
 }
 
 /// What the driver sees of the sensor.
@@ -39,6 +42,13 @@ pub enum LidarHealth {
         /// The line speed in use, bit/s.
         baud: u32,
     },
+    /// Beams arrive, but the head stands still: its motor is blocked, unplugged or without power.
+    Stalled,
+    /// The sensor itself complains.
+    Faulty {
+        /// Of what, with the cure.
+        reason: String,
+    },
     /// The port is gone; it is tried again every second.
     Disconnected {
         /// Why, with the cure.
@@ -48,11 +58,26 @@ pub enum LidarHealth {
     Stopped,
 }
 
+/// How fast it measures.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Rates {
+    /// Samples, 1/s.
+    pub samples_hz: f64,
+    /// Turns of the head, 1/s.
+    pub turns_hz: f64,
+}
+
 /// What the driver last knew.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct LidarStatus {
     /// How the sensor does.
     pub health: LidarHealth,
+    /// Who the sensor is, once that is known.
+    pub identity: Option<Identity>,
+    /// The line speed in use, bit/s.
+    pub baud: u32,
+    /// Samples and turns of the head in the last second, 1/s.
+    pub rates: Rates,
     /// When the last good frame arrived. A read that hangs in the kernel shows here only.
     pub last_frame_at: Option<Stamp<Mono>>,
     /// Counts.
@@ -61,6 +86,13 @@ pub struct LidarStatus {
 
 impl Default for LidarStatus {
     fn default() -> Self {
-        Self { health: LidarHealth::Starting, last_frame_at: None, stats: LidarStats::default() }
+        Self {
+            health: LidarHealth::Starting,
+            identity: None,
+            baud: 0,
+            rates: Rates::default(),
+            last_frame_at: None,
+            stats: LidarStats::default(),
+        }
     }
 }

@@ -3,7 +3,7 @@
 use std::ops::RangeInclusive;
 
 /// Modules of `stockpilot` with their ranks; a module names lower ranks only.
-const RANKS: [(&str, u8); 20] = [
+const RANKS: [(&str, u8); 21] = [
     ("units", 0),
     ("time", 0),
     ("geometry", 1),
@@ -25,6 +25,7 @@ const RANKS: [(&str, u8); 20] = [
     ("config", 8),
     ("service", 9),
     ("survey", 9),
+    ("doctor", 10),
 ];
 
 /// Ranks that do no I/O.

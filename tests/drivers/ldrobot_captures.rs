@@ -1,8 +1,8 @@
 //! The parser on streams of real sensors.
 
 use crate::support::capture;
-use stockpilot::lidar::ldrobot::{Frame, Parser, ParserStats};
-use stockpilot::lidar::{Model, ScanAssembler};
+use stockpilot::lidar::ldrobot::{Frame, Ldrobot, Parser, ParserStats};
+use stockpilot::lidar::{Model, ScanAssembler, Sensor};
 use stockpilot::time::Stamp;
 
 fn frames_of(bytes: &[u8], chunk_bytes: usize) -> (Vec<Frame>, ParserStats) {
@@ -16,7 +16,7 @@ fn frames_of(bytes: &[u8], chunk_bytes: usize) -> (Vec<Frame>, ParserStats) {
 
 #[test]
 fn clean_capture_gives_863_frames() {
-    let Some(bytes) = capture("example3.0.txt") else { return };
+    let Some(bytes) = capture("ldrobot/example3.0.txt") else { return };
     let (frames, stats) = frames_of(&bytes, 4096);
     assert_eq!((frames.len(), stats.crc_errors), (863, 0));
     assert!(frames.iter().all(|frame| (3586..=3620).contains(&frame.speed_deg_per_s)));
@@ -24,7 +24,7 @@ fn clean_capture_gives_863_frames() {
 
 #[test]
 fn joined_capture_gives_8441_frames_and_3_bad_joins() {
-    let Some(bytes) = capture("example2.0.txt") else { return };
+    let Some(bytes) = capture("ldrobot/example2.0.txt") else { return };
     let (frames, stats) = frames_of(&bytes, 4096);
     assert_eq!((frames.len(), stats.crc_errors), (8441, 3));
 }
@@ -33,7 +33,7 @@ fn joined_capture_gives_8441_frames_and_3_bad_joins() {
 fn chance_crc_in_a_damaged_capture_is_refused() {
     // The file was run through a text converter. Of seven candidates one passes the CRC by chance;
     // its device time of 48,575 ms is beyond the wrap at 30,000.
-    let Some(bytes) = capture("bad_data.txt") else { return };
+    let Some(bytes) = capture("ldrobot/bad_data.txt") else { return };
     let (frames, stats) = frames_of(&bytes, 4096);
     assert_eq!((frames.len(), stats.implausible, stats.crc_errors), (0, 1, 6));
     assert!(stats.skipped_bytes > 900);
@@ -41,7 +41,7 @@ fn chance_crc_in_a_damaged_capture_is_refused() {
 
 #[test]
 fn manual_example_is_read() {
-    let Some(bytes) = capture("manual_example_frame.bin") else { return };
+    let Some(bytes) = capture("ldrobot/manual_example_frame.bin") else { return };
     let (frames, _) = frames_of(&bytes, 4096);
     assert_eq!((frames[0].speed_deg_per_s, frames[0].timestamp_ms), (2152, 6714));
 }
@@ -49,7 +49,7 @@ fn manual_example_is_read() {
 #[test]
 fn chunking_changes_nothing_on_real_streams() {
     for name in ["example3.0.txt", "example2.0.txt", "bad_data.txt"] {
-        let Some(bytes) = capture(name) else { return };
+        let Some(bytes) = capture(&format!("ldrobot/{name}")) else { return };
         let whole = frames_of(&bytes, bytes.len());
         for chunk_bytes in [1, 3, 4096] {
             assert_eq!(frames_of(&bytes, chunk_bytes), whole, "{name} by {chunk_bytes}");
@@ -59,9 +59,10 @@ fn chunking_changes_nothing_on_real_streams() {
 
 #[test]
 fn decoded_numbers_equal_the_published_table() {
-    let (Some(bytes), Some(table)) =
-        (capture("example3.0.txt"), capture("example3.0_first50_frames_decoded.csv"))
-    else {
+    let (Some(bytes), Some(table)) = (
+        capture("ldrobot/example3.0.txt"),
+        capture("ldrobot/example3.0_first50_frames_decoded.csv"),
+    ) else {
         return;
     };
     let (frames, _) = frames_of(&bytes, 4096);
@@ -93,12 +94,15 @@ fn check_row(frames: &[Frame], row: &[f64]) {
 
 #[test]
 fn no_sample_of_the_clean_capture_counts_as_missing() {
-    let Some(bytes) = capture("example3.0.txt") else { return };
-    let mut assembler = ScanAssembler::new(Model::Ld19, 230_400);
+    let Some(bytes) = capture("ldrobot/example3.0.txt") else { return };
+    let mut assembler = ScanAssembler::new(230_400);
+    let mut sensor = Ldrobot::new(Model::Ld19);
     let mut scans = Vec::new();
     for (i, frame) in frames_of(&bytes, 4096).0.iter().enumerate() {
         let at = Stamp::from_nanos(i64::try_from(i).unwrap() * 2_666_667);
-        assembler.push(frame, at, 0, |scan| scans.push(scan));
+        sensor.feed(&frame.to_bytes(), at, &mut |packet| {
+            assembler.push(packet, |scan| scans.push(scan));
+        });
     }
     assert_eq!(assembler.stats().missing_samples, 0);
     // 863 · 12 samples at 450 a turn are 23 turns.

@@ -40,7 +40,7 @@ impl Line {
     }
 
     fn settings(&self) -> Settings {
-        Settings { port: self.port.clone(), model: Model::Ld19, baud: None }
+        Settings { port: self.port.clone(), model: Some(Model::Ld19), baud: None }
     }
 }
 

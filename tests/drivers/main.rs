@@ -7,4 +7,6 @@ mod detector_socket;
 mod ldrobot_captures;
 mod ldrobot_chunking;
 mod lidar_port;
+mod rplidar_captures;
 mod support;
+mod ydlidar_captures;

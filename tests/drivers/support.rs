@@ -5,9 +5,12 @@ use stockpilot::lidar::ldrobot::{Frame, Sample};
 
 /// A real input, if this machine has it.
 pub(crate) fn capture(name: &str) -> Option<Vec<u8>> {
-    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data/lidar/ldrobot");
-    let path = PathBuf::from(folder).join(name);
-    let bytes = std::fs::read(&path).ok();
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data/lidar");
+    // A work tree may lie one level deeper beside its siblings.
+    let deeper = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data/lidar");
+    let path = [folder, deeper].map(|folder| PathBuf::from(folder).join(name));
+    let path = path.iter().find(|path| path.exists()).unwrap_or(&path[0]);
+    let bytes = std::fs::read(path).ok();
     if bytes.is_none() {
         println!("skipped: {} is not here", path.display());
     }

@@ -1,5 +1,6 @@
 //! What a LiDAR is like.
 
+use super::Firmware;
 use stockpilot::geometry::{Body, Lidar, Point, Rotation, Transform};
 
 /// The numbers of one sensor and where it is mounted.
@@ -7,6 +8,8 @@ use stockpilot::geometry::{Body, Lidar, Point, Rotation, Transform};
 pub struct LidarModel {
     /// What the maker calls it.
     pub name: &'static str,
+    /// What runs in it.
+    pub firmware: Firmware,
     /// Range samples per second.
     pub samples_per_s: u32,
     /// Turns of the head per second.
@@ -38,49 +41,8 @@ pub struct LidarModel {
     pub body_from_lidar: Transform<Body, Lidar>,
 }
 
-impl LidarModel {
-    /// LDROBOT LD19: 4 500 samples/s to 12 m.
-    ///
-    /// Source: data sheet (range, standard deviation of 10 mm, 230 400 bit/s).
-    #[must_use]
-    pub fn ld19() -> Self {
-        Self {
-            name: "LD19",
-            samples_per_s: 4_500,
-            turns_per_s: 10.0,
-            speed_jitter_ratio: 0.002,
-            range_min_m: 0.02,
-            range_max_m: 12.0,
-            range_sigma_m: 0.010,
-            range_bias_m: 0.0,
-            range_scale: 0.0,
-            stamp_offset_s: 0.0,
-            dropout_ratio: 0.005,
-            dust_ratio: 0.0,
-            half_width_rad: 0.0,
-            baud: 230_400,
-            body_from_lidar: hanging_mount(),
-        }
-    }
-
-    /// LDROBOT STL-27L: 21 600 samples/s to 25 m.
-    ///
-    /// Source: the maker's driver (rate, 921 600 bit/s) and data sheet (range).
-    #[must_use]
-    pub fn stl27l() -> Self {
-        Self {
-            name: "STL-27L",
-            samples_per_s: 21_600,
-            range_min_m: 0.03,
-            range_max_m: 25.0,
-            baud: 921_600,
-            ..Self::ld19()
-        }
-    }
-}
-
 /// Below the body, with the scan plane across the flight and x pointing down.
-fn hanging_mount() -> Transform<Body, Lidar> {
+pub(crate) fn hanging_mount() -> Transform<Body, Lidar> {
     let pitched_down = Rotation::from_euler_rad(0.0, std::f64::consts::FRAC_PI_2, 0.0);
     Transform::new(pitched_down, Point::new(0.0, 0.0, -0.08))
 }

@@ -1,8 +1,7 @@
 //! A serial line without hardware: the master side of a pseudo-terminal.
 
-use super::{FRAME_LEN, Packet, SAMPLES_PER_PACKET, encode};
 use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
-use rustix::io::{Errno, write};
+use rustix::io::{Errno, read, write};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
 use std::os::fd::OwnedFd;
@@ -17,6 +16,8 @@ const UNOPENED_BAUD: u32 = 50;
 pub struct LineFaults {
     /// Share of bytes that arrive with one bit flipped.
     pub corrupt_byte_ratio: f64,
+    /// Share of frames of which only a part arrives.
+    pub half_frame_ratio: f64,
     /// A reader with another speed than the sensor's gets garbage, as on a real line.
     pub checks_speed: bool,
 }
@@ -34,13 +35,13 @@ pub struct LineCounts {
     pub samples_unheard: u64,
 }
 
-/// A LiDAR's end of a pseudo-terminal.
+/// A sensor's end of a pseudo-terminal.
 ///
 /// Both ends are raw. A slave descriptor stays open, so the line survives its reader. Nothing
 /// blocks: bytes that do not fit are lost, as in a full UART buffer. Linux takes 20 480 bytes
 /// before that.
 #[derive(Debug)]
-pub struct PtyLidar {
+pub struct PtyLine {
     master: OwnedFd,
     slave: OwnedFd,
     path: PathBuf,
@@ -50,7 +51,7 @@ pub struct PtyLidar {
     counts: LineCounts,
 }
 
-impl PtyLidar {
+impl PtyLine {
     /// A line for a sensor of this speed (bit/s).
     ///
     /// # Errors
@@ -82,39 +83,70 @@ impl PtyLidar {
         self.counts
     }
 
-    /// Puts a packet on the line.
+    /// The speed that the reader has set, bit/s.
+    ///
+    /// # Errors
+    /// What the operating system says.
+    pub fn reader_baud(&self) -> std::io::Result<u32> {
+        Ok(tcgetattr(&self.slave)?.output_speed())
+    }
+
+    /// Puts a frame with so many samples on the line.
     ///
     /// # Errors
     /// Anything but a full buffer.
-    pub fn send(&mut self, packet: &Packet) -> std::io::Result<()> {
-        const N: u64 = SAMPLES_PER_PACKET as u64;
-        let reader_baud = tcgetattr(&self.slave)?.output_speed();
+    pub fn send(&mut self, frame: &[u8], n_samples: u64) -> std::io::Result<()> {
+        let reader_baud = self.reader_baud()?;
         if reader_baud == UNOPENED_BAUD {
-            self.counts.samples_unheard += N;
+            self.counts.samples_unheard += n_samples;
             return Ok(());
         }
-        let mut frame = encode(packet);
+        let mut bytes = frame.to_vec();
         let is_garbled = self.faults.checks_speed && reader_baud != self.baud;
-        let is_damaged = if is_garbled { self.garble(&mut frame) } else { self.damage(&mut frame) };
-        match write(&self.master, &frame) {
-            Ok(FRAME_LEN) if is_damaged => self.counts.samples_corrupted += N,
-            Ok(FRAME_LEN) => self.counts.samples_sent += N,
-            Ok(_) | Err(Errno::AGAIN) => self.counts.samples_overrun += N,
+        let is_damaged = if is_garbled { self.garble(&mut bytes) } else { self.damage(&mut bytes) };
+        match write(&self.master, &bytes) {
+            Ok(n) if n == bytes.len() && is_damaged => self.counts.samples_corrupted += n_samples,
+            Ok(n) if n == bytes.len() => self.counts.samples_sent += n_samples,
+            Ok(_) | Err(Errno::AGAIN) => self.counts.samples_overrun += n_samples,
             Err(error) => return Err(error.into()),
         }
         Ok(())
     }
 
-    /// Flips bits at the configured rate; true if any was flipped.
-    fn damage(&mut self, frame: &mut [u8]) -> bool {
+    /// What the reader has sent; nothing that makes sense at another speed.
+    ///
+    /// # Errors
+    /// What the operating system says.
+    pub fn receive(&mut self) -> std::io::Result<Vec<u8>> {
+        let mut bytes = Vec::new();
+        let mut chunk = [0; 256];
+        loop {
+            match read(&self.master, &mut chunk) {
+                Ok(0) | Err(Errno::AGAIN) => break,
+                Ok(n) => bytes.extend_from_slice(&chunk[..n]),
+                Err(error) => return Err(error.into()),
+            }
+        }
+        if self.faults.checks_speed && !bytes.is_empty() && self.reader_baud()? != self.baud {
+            self.garble(&mut bytes);
+        }
+        Ok(bytes)
+    }
+
+    /// Flips bits and cuts frames at the configured rates; true if anything was done.
+    fn damage(&mut self, frame: &mut Vec<u8>) -> bool {
         let mut is_damaged = false;
         if self.faults.corrupt_byte_ratio > 0.0 {
-            for byte in frame {
+            for byte in frame.iter_mut() {
                 if self.noise.chance(self.faults.corrupt_byte_ratio) {
                     *byte ^= 1 << (self.noise.bits() % 8);
                     is_damaged = true;
                 }
             }
+        }
+        if self.faults.half_frame_ratio > 0.0 && self.noise.chance(self.faults.half_frame_ratio) {
+            frame.truncate(frame.len() / 2);
+            is_damaged = true;
         }
         is_damaged
     }

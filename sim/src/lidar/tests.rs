@@ -247,7 +247,7 @@ fn poses_between_steps_are_interpolated() {
     assert!((ahead.rotation.yaw_rad() - 0.05).abs() < 1e-4);
 }
 
-fn reader(line: &PtyLidar, baud: u32) -> OwnedFd {
+fn reader(line: &PtyLine, baud: u32) -> OwnedFd {
     let flags = rustix::fs::OFlags::RDWR | rustix::fs::OFlags::NONBLOCK;
     let slave = rustix::fs::open(line.path(), flags, rustix::fs::Mode::empty()).unwrap();
     let mut settings = tcgetattr(&slave).unwrap();
@@ -268,12 +268,12 @@ fn drain(slave: &OwnedFd) -> Vec<u8> {
 #[test]
 fn line_carries_every_byte_value_unchanged() {
     let packets = packets(LidarModel::ld19(), 1);
-    let mut line = PtyLidar::open(230_400, LineFaults::default(), SeedBook::new(1)).unwrap();
-    line.send(&packets[0]).unwrap();
+    let mut line = PtyLine::open(230_400, LineFaults::default(), SeedBook::new(1)).unwrap();
+    line.send(&encode(&packets[0]), 12).unwrap();
     let slave = reader(&line, 230_400);
     let mut received = Vec::new();
     for packet in &packets[1..] {
-        line.send(packet).unwrap();
+        line.send(&encode(packet), 12).unwrap();
         received.extend(drain(&slave));
     }
     let sent: Vec<u8> = packets[1..].iter().flat_map(encode).collect();
@@ -294,9 +294,9 @@ fn line_carries_every_byte_value_unchanged() {
 #[test]
 fn slow_reader_loses_samples_and_the_loss_is_counted() {
     let packets = packets(LidarModel::ld19(), 2);
-    let mut line = PtyLidar::open(230_400, LineFaults::default(), SeedBook::new(1)).unwrap();
+    let mut line = PtyLine::open(230_400, LineFaults::default(), SeedBook::new(1)).unwrap();
     let _slave = reader(&line, 230_400);
-    packets.iter().for_each(|packet| line.send(packet).unwrap());
+    packets.iter().for_each(|packet| line.send(&encode(packet), 12).unwrap());
     let counts = line.counts();
     // 750 frames of 47 bytes do not fit into the 20 480 bytes of the line.
     assert!(counts.samples_overrun > 1000, "{counts:?}");
@@ -306,15 +306,16 @@ fn slow_reader_loses_samples_and_the_loss_is_counted() {
 #[test]
 fn faults_damage_bytes() {
     let packets = packets(LidarModel::ld19(), 1);
-    let faults = LineFaults { corrupt_byte_ratio: 0.01, checks_speed: true };
-    let mut line = PtyLidar::open(230_400, faults, SeedBook::new(1)).unwrap();
+    let faults =
+        LineFaults { corrupt_byte_ratio: 0.01, checks_speed: true, ..LineFaults::default() };
+    let mut line = PtyLine::open(230_400, faults, SeedBook::new(1)).unwrap();
     let slave = reader(&line, 230_400);
-    packets[..100].iter().for_each(|packet| line.send(packet).unwrap());
+    packets[..100].iter().for_each(|packet| line.send(&encode(packet), 12).unwrap());
     // A frame of 47 bytes survives with probability 0.99⁴⁷ = 0.62.
     let n_corrupted = line.counts().samples_corrupted / 12;
     assert!((20..60).contains(&n_corrupted), "{n_corrupted}");
     drop(slave);
     let _slower = reader(&line, 115_200);
-    packets[..10].iter().for_each(|packet| line.send(packet).unwrap());
+    packets[..10].iter().for_each(|packet| line.send(&encode(packet), 12).unwrap());
     assert_eq!(line.counts().samples_corrupted / 12, n_corrupted + 10, "wrong speed");
 }

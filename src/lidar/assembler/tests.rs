@@ -1,5 +1,6 @@
 use super::*;
-use crate::lidar::ldrobot::{CLOCK_WRAP_MS, Sample, TURN_CDEG};
+use crate::lidar::ldrobot::{CLOCK_WRAP_MS, Frame, Ldrobot, Sample, TURN_CDEG};
+use crate::lidar::{Model, Sensor};
 
 const PERIOD_NS: f64 = 1e9 / 4500.0;
 const LINE_NS: f64 = 47.0 * 10.0 / 230_400.0 * 1e9;
@@ -39,10 +40,13 @@ fn worst_stamp_error_s(scans: &[Scan]) -> f64 {
 }
 
 fn assemble(arrivals: impl Iterator<Item = (u32, Stamp<Mono>)>) -> (Vec<Scan>, AssemblerStats) {
-    let mut assembler = ScanAssembler::new(Model::Ld19, 230_400);
+    let mut assembler = ScanAssembler::new(230_400);
+    let mut sensor = Ldrobot::new(Model::Ld19);
     let mut scans = Vec::new();
     for (frame_idx, at) in arrivals {
-        assembler.push(&frame(frame_idx), at, 0, |scan| scans.push(scan));
+        sensor.feed(&frame(frame_idx).to_bytes(), at, &mut |packet| {
+            assembler.push(packet, |scan| scans.push(scan));
+        });
     }
     assembler.reset(|scan| scans.push(scan));
     (scans, assembler.stats())
@@ -116,9 +120,11 @@ fn lost_frames_are_counted_within_and_beyond_a_turn() {
 
 #[test]
 fn a_part_of_a_turn_is_handed_on_when_it_is_old() {
-    let mut assembler = ScanAssembler::new(Model::Ld19, 230_400);
+    let mut assembler = ScanAssembler::new(230_400);
     let mut scans = Vec::new();
-    assembler.push(&frame(3), arrival(3), 0, |scan| scans.push(scan));
+    Ldrobot::new(Model::Ld19).feed(&frame(3).to_bytes(), arrival(3), &mut |packet| {
+        assembler.push(packet, |scan| scans.push(scan));
+    });
     let start = arrival(3);
     assembler.flush_if_old(start.plus(Duration::from_millis(100)), |scan| scans.push(scan));
     assert_eq!(scans.len(), 0);
@@ -133,4 +139,37 @@ fn a_sensor_that_pauses_starts_a_new_clock() {
     assert_eq!(stats.clock_restarts, 1);
     let last = scans.last().unwrap();
     assert!((last.end().seconds() - 3.0 - 719.0 * PERIOD_NS * 1e-9).abs() < 1e-3);
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "degrees")]
+fn single(deg: f64) -> f32 {
+    deg as f32
+}
+
+/// A triangulating sensor whose samples jump back by 9° where nothing came back.
+fn jumpy_packet(k: u32) -> Packet {
+    let head_deg = |i: u32| f64::from(350 + 2 * (k * 10 + i)).rem_euclid(360.0);
+    let jump_deg = |i: u32| if (k * 10 + i).is_multiple_of(3) { -9.0 } else { 0.0 };
+    let sample = |i| crate::lidar::Sample {
+        clockwise_deg: single((head_deg(i) + jump_deg(i)).rem_euclid(360.0)),
+        ..crate::lidar::Sample::default()
+    };
+    Packet {
+        samples: (0..10).map(sample).collect(),
+        received_at: Stamp::ZERO.plus(Duration::from_micros(500 * 10) * (k + 1)),
+        sample_period: Duration::from_micros(500),
+        ..Packet::default()
+    }
+}
+
+#[test]
+fn angles_that_jump_back_at_the_front_mark_end_one_turn_only() {
+    let mut assembler = ScanAssembler::new(0);
+    let mut scans = Vec::new();
+    // 180 samples to a turn, 18 packets; five turns and the 5 samples before the mark.
+    for k in 0..90 {
+        assembler.push(&jumpy_packet(k), |scan| scans.push(scan));
+    }
+    assert_eq!(assembler.stats().turns, 5);
+    assert!(scans[1..].iter().all(|scan| scan.beams.len().abs_diff(180) <= 5), "{scans:?}");
 }

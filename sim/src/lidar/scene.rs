@@ -1,0 +1,242 @@
+//! What a sensor sees: the true hall through its optics, or an empty room.
+
+use super::LidarModel;
+use crate::raycast::{self, RayHit, Surface};
+use crate::world::World;
+use std::fmt;
+use std::time::Duration;
+use stockpilot::geometry::{Body, Direction, Hall, Lidar, Transform};
+use stockpilot::stats::{Noise, SeedBook};
+use stockpilot::time::{Mono, Stamp};
+
+/// A return as the sensor measures it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Echo {
+    /// Distance with its errors, m.
+    pub range_m: f64,
+    /// Strength of the return.
+    pub intensity: u8,
+}
+
+/// Whatever is around a sensor. Angles are clockwise from the front mark, °.
+pub trait Scene {
+    /// The distance to the first surface, without noise; `None` beyond the sensor's reach.
+    fn distance_m(&mut self, at: Stamp<Mono>, clockwise_deg: f64) -> Option<f64>;
+
+    /// What the sensor measures there; `None` if nothing comes back.
+    fn echo(&mut self, at: Stamp<Mono>, clockwise_deg: f64) -> Option<Echo>;
+}
+
+/// The sensor's optics with everything that is drawn for it.
+#[derive(Debug, Clone)]
+pub struct Optics {
+    model: LidarModel,
+    range_noise: Noise,
+    dropout_noise: Noise,
+    dust: Noise,
+    mixing: Noise,
+}
+
+/// The true hall, seen from a moving vehicle.
+pub struct HallView<'a, P> {
+    optics: &'a mut Optics,
+    world: &'a World,
+    hall_from_body: P,
+}
+
+impl<P> fmt::Debug for HallView<'_, P> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("HallView").field("world", &self.world.name).finish_non_exhaustive()
+    }
+}
+
+impl Optics {
+    /// The optics of a model.
+    #[must_use]
+    pub fn new(model: LidarModel, seeds: SeedBook) -> Self {
+        Self {
+            model,
+            range_noise: seeds.stream("lidar.range"),
+            dropout_noise: seeds.stream("lidar.dropout"),
+            dust: seeds.stream("lidar.dust"),
+            mixing: seeds.stream("lidar.mixing"),
+        }
+    }
+
+    /// The sensor's numbers.
+    #[must_use]
+    pub const fn model(&self) -> &LidarModel {
+        &self.model
+    }
+
+    /// The hall through these optics; `hall_from_body` gives the true pose at any instant.
+    pub fn view<'a, P: Fn(Stamp<Mono>) -> Transform<Hall, Body>>(
+        &'a mut self,
+        world: &'a World,
+        hall_from_body: P,
+    ) -> HallView<'a, P> {
+        HallView { optics: self, world, hall_from_body }
+    }
+
+    /// The true instant of a sample with this stamp.
+    fn measured_at(&self, stamp: Stamp<Mono>) -> Stamp<Mono> {
+        let offset = Duration::from_secs_f64(self.model.stamp_offset_s.abs());
+        if self.model.stamp_offset_s > 0.0 { stamp.minus(offset) } else { stamp.plus(offset) }
+    }
+
+    /// A range between two surfaces, if the edges of the beam's cone meet two.
+    ///
+    /// One smooth surface spreads the cone by 2 δ d tan ι (δ: half width, ι: angle of incidence);
+    /// far more than that is an edge in depth. Where the range ends up depends on how the light is
+    /// shared, which is drawn.
+    fn mixed(
+        &mut self,
+        hit: &RayHit,
+        along: &Direction<Hall>,
+        (near_m, far_m): (f64, f64),
+    ) -> RayHit {
+        const LEAST_JUMP_M: f64 = 0.1;
+        const FAR_MORE: f64 = 3.0;
+        let share = self.mixing.uniform();
+        let square_on = hit.normal.coords.dot(&along.coords).abs().max(0.05);
+        let smooth_m = 2.0 * self.model.half_width_rad * hit.distance_m * square_on.recip();
+        let jump_m = far_m - near_m;
+        if jump_m < LEAST_JUMP_M.max(FAR_MORE * smooth_m) {
+            return *hit;
+        }
+        RayHit { distance_m: near_m + share * jump_m, ..*hit }
+    }
+
+    /// The hit, or a grain of dust anywhere before it.
+    fn with_dust(&mut self, hit: Option<RayHit>, along: &Direction<Hall>) -> Option<RayHit> {
+        if self.model.dust_ratio <= 0.0 {
+            return hit;
+        }
+        let (is_dust, share) = (self.dust.chance(self.model.dust_ratio), self.dust.uniform());
+        if !is_dust {
+            return hit;
+        }
+        let free_m = hit.map_or(self.model.range_max_m, |hit| hit.distance_m);
+        let normal = Direction::from_coords(-along.coords);
+        Some(RayHit { distance_m: share * free_m, normal, surface: Surface::Dust })
+    }
+
+    /// The measured echo of a hit at this distance and squareness; `None` if it is lost.
+    pub(super) fn echo(&mut self, distance_m: f64, square_on: f64) -> Option<Echo> {
+        let reach_ratio = distance_m / self.model.range_max_m;
+        // Draw both numbers for every beam, so that one lost echo does not shift the others.
+        let noise_m = self.model.range_sigma_m * self.range_noise.normal();
+        if self.dropout_noise.chance(self.dropout_ratio(reach_ratio, square_on)) {
+            return None;
+        }
+        let range_m =
+            distance_m * (1.0 + self.model.range_scale) + self.model.range_bias_m + noise_m;
+        let is_in_range = (self.model.range_min_m..=self.model.range_max_m).contains(&range_m);
+        let strength = 230.0 * square_on.max(0.05) / (1.0 + 2.0 * reach_ratio * reach_ratio);
+        let intensity = strength_of(strength);
+        is_in_range.then_some(Echo { range_m, intensity })
+    }
+
+    /// Echoes get lost more often far away, and below 10° of grazing angle.
+    fn dropout_ratio(&self, reach_ratio: f64, square_on: f64) -> f64 {
+        const GRAZING: f64 = 0.17;
+        let far = 0.02 * reach_ratio.powi(4);
+        let grazing = 0.6 * (1.0 - square_on / GRAZING).max(0.0);
+        self.model.dropout_ratio + far + grazing
+    }
+}
+
+impl<P: Fn(Stamp<Mono>) -> Transform<Hall, Body>> HallView<'_, P> {
+    /// Casts a beam at this counter-clockwise angle.
+    fn cast(
+        &self,
+        hall_from_lidar: &Transform<Hall, Lidar>,
+        angle_rad: f64,
+    ) -> (Option<RayHit>, Direction<Hall>) {
+        let (sin, cos) = angle_rad.sin_cos();
+        let direction = hall_from_lidar.rotation * Direction::<Lidar>::new(cos, sin, 0.0);
+        let reach_m = self.optics.model.range_max_m;
+        (raycast::cast(self.world, &hall_from_lidar.origin, &direction, reach_m), direction)
+    }
+
+    fn hall_from_lidar(&self, at: Stamp<Mono>) -> Transform<Hall, Lidar> {
+        (self.hall_from_body)(self.optics.measured_at(at)) * self.optics.model.body_from_lidar
+    }
+}
+
+impl<P: Fn(Stamp<Mono>) -> Transform<Hall, Body>> Scene for HallView<'_, P> {
+    fn distance_m(&mut self, at: Stamp<Mono>, clockwise_deg: f64) -> Option<f64> {
+        let (hit, _) = self.cast(&self.hall_from_lidar(at), counter_clockwise_rad(clockwise_deg));
+        hit.map(|hit| hit.distance_m)
+    }
+
+    fn echo(&mut self, at: Stamp<Mono>, clockwise_deg: f64) -> Option<Echo> {
+        let hall_from_lidar = self.hall_from_lidar(at);
+        let angle_rad = counter_clockwise_rad(clockwise_deg);
+        let (hit, direction) = self.cast(&hall_from_lidar, angle_rad);
+        let half_rad = self.optics.model.half_width_rad;
+        let edges = (half_rad > 0.0).then(|| {
+            [angle_rad - half_rad, angle_rad + half_rad]
+                .map(|at_rad| self.cast(&hall_from_lidar, at_rad).0.map(|hit| hit.distance_m))
+        });
+        let hit = match (hit, edges) {
+            (Some(hit), Some([Some(a_m), Some(b_m)])) => {
+                Some(self.optics.mixed(&hit, &direction, (a_m.min(b_m), a_m.max(b_m))))
+            }
+            _ => hit,
+        };
+        let hit = self.optics.with_dust(hit, &direction)?;
+        let square_on = hit.normal.coords.dot(&direction.coords).abs();
+        self.optics.echo(hit.distance_m, square_on)
+    }
+}
+
+/// The device counts clockwise about its z axis, the frame counter-clockwise.
+fn counter_clockwise_rad(clockwise_deg: f64) -> f64 {
+    -clockwise_deg / 360.0 * std::f64::consts::TAU
+}
+
+/// The nearest whole strength.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "a float-to-integer cast saturates, as the sensor does"
+)]
+fn strength_of(strength: f64) -> u8 {
+    strength.round() as u8
+}
+
+/// A rectangular room around a sensor at rest, for emulators without a hall.
+#[derive(Debug, Clone)]
+pub struct Room {
+    optics: Optics,
+    half_length_m: f64,
+    half_width_m: f64,
+}
+
+impl Room {
+    /// 6 m along the front mark, 4 m across, the sensor in the middle.
+    #[must_use]
+    pub const fn new(optics: Optics) -> Self {
+        Self { optics, half_length_m: 3.0, half_width_m: 2.0 }
+    }
+
+    /// Distance to the wall, and how squarely the beam meets it.
+    #[must_use]
+    pub fn wall(&self, clockwise_deg: f64) -> (f64, f64) {
+        let (sin, cos) = clockwise_deg.to_radians().sin_cos();
+        let (ahead_m, aside_m) = (self.half_length_m / cos.abs(), self.half_width_m / sin.abs());
+        if ahead_m < aside_m { (ahead_m, cos.abs()) } else { (aside_m, sin.abs()) }
+    }
+}
+
+impl Scene for Room {
+    fn distance_m(&mut self, _at: Stamp<Mono>, clockwise_deg: f64) -> Option<f64> {
+        Some(self.wall(clockwise_deg).0)
+    }
+
+    fn echo(&mut self, _at: Stamp<Mono>, clockwise_deg: f64) -> Option<Echo> {
+        let (distance_m, square_on) = self.wall(clockwise_deg);
+        self.optics.echo(distance_m, square_on)
+    }
+}

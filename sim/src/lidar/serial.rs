@@ -1,0 +1,75 @@
+//! An emulated sensor on a pseudo-terminal: firmware, transmitter and line.
+
+use super::uart::Uart;
+use super::{Device, LidarModel, LineCounts, LineFaults, Mishap, PtyLine, Scene, device};
+use std::path::Path;
+use stockpilot::stats::SeedBook;
+use stockpilot::time::{Mono, Stamp};
+
+/// A sensor with its plug.
+#[derive(Debug)]
+pub struct SerialLidar {
+    device: Box<dyn Device>,
+    uart: Uart,
+    line: PtyLine,
+    n_overrun: u64,
+}
+
+impl SerialLidar {
+    /// A sensor that gets its power at `now`, or has had it for long if `is_running`.
+    ///
+    /// # Errors
+    /// What the operating system says if it has no pseudo-terminal to give.
+    pub fn open(
+        model: &LidarModel,
+        faults: LineFaults,
+        seeds: SeedBook,
+        now: Stamp<Mono>,
+        is_running: bool,
+    ) -> std::io::Result<Self> {
+        Ok(Self {
+            device: device(model, seeds, now, is_running),
+            uart: Uart::new(model.baud),
+            line: PtyLine::open(model.baud, faults, seeds)?,
+            n_overrun: 0,
+        })
+    }
+
+    /// The device file to open as the serial port.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        self.line.path()
+    }
+
+    /// What became of the samples so far.
+    #[must_use]
+    pub fn counts(&self) -> LineCounts {
+        let counts = self.line.counts();
+        LineCounts { samples_overrun: counts.samples_overrun + self.n_overrun, ..counts }
+    }
+
+    /// Something happens to the sensor.
+    pub fn suffer(&mut self, mishap: Mishap, now: Stamp<Mono>) {
+        self.device.suffer(mishap, now);
+    }
+
+    /// Goes on to `now`: hears the host, measures the scene, sends what has left the transmitter.
+    ///
+    /// # Errors
+    /// What the operating system says of the line.
+    pub fn advance(&mut self, now: Stamp<Mono>, scene: &mut dyn Scene) -> std::io::Result<()> {
+        let heard = self.line.receive()?;
+        if !heard.is_empty() {
+            self.device.hear(&heard, now);
+        }
+        let mut frames = Vec::new();
+        self.device.advance(now, scene, &mut frames);
+        for frame in frames {
+            self.n_overrun += self.uart.push(frame);
+        }
+        while let Some(frame) = self.uart.pop(now) {
+            self.line.send(&frame.bytes, frame.n_samples)?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,283 @@
+//! Listens to everything for some seconds.
+
+use super::ports::port;
+use super::{Check, Report, Verdict, judge, serial_ports};
+use crate::camera::{CameraStats, Listener};
+use crate::config::Config;
+use crate::lidar::{Driver, LidarHealth, LidarStatus, Settings};
+use crate::pilot::Pilot;
+use crate::service::clock::Clock;
+use crate::service::{Service, ServiceSetup, ServiceStatus};
+use crate::time::{Mono, Stamp};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+use tokio::sync::{mpsc, watch};
+use tokio_util::sync::CancellationToken;
+
+/// Scans and frames that may wait; nobody is late here.
+const WAITING: usize = 64;
+/// After the sensor streams, rates are counted this long.
+const COUNTING: Duration = Duration::from_millis(2500);
+/// How often it is looked whether everything is there.
+const LOOKING_EVERY: Duration = Duration::from_millis(100);
+
+/// How long is waited for what does not come.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Patience(pub Duration);
+
+impl Default for Patience {
+    /// Twelve seconds: enough for a sensor to be found at any line speed and to spin up.
+    fn default() -> Self {
+        Self(Duration::from_secs(12))
+    }
+}
+
+/// What is examined, and by which clock.
+#[derive(Debug)]
+pub struct Examination<'a> {
+    /// Everything that is configured; without it only ports and sensors are looked at.
+    pub config: Option<&'a Config>,
+    /// Look at the LiDAR on this port only.
+    pub port: Option<PathBuf>,
+    /// How long to wait.
+    pub patience: Patience,
+    /// The clock that stamps everything.
+    pub clock: Clock,
+}
+
+impl Examination<'_> {
+    /// Looks at everything at once and judges it.
+    pub async fn run(&self) -> Report {
+        let mut checks = Vec::new();
+        let ports = serial_ports();
+        checks.extend(ports.iter().map(super::SerialPort::check));
+        match self.config {
+            Some(config) => checks.extend(self.configured(config).await),
+            None => {
+                let named = self.port.iter().cloned();
+                let found = ports.into_iter().filter(|port| port.is_permitted).map(|p| p.path);
+                let paths: Vec<PathBuf> =
+                    if self.port.is_some() { named.collect() } else { found.collect() };
+                if paths.is_empty() {
+                    checks.push(no_port());
+                }
+                for path in paths {
+                    let settings = settings(&path);
+                    checks.extend(self.lidar_alone(settings).await);
+                }
+            }
+        }
+        checks.push(clock_check());
+        Report { checks }
+    }
+
+    /// One LiDAR without the rest.
+    async fn lidar_alone(&self, settings: Settings) -> Vec<Check> {
+        let stop = CancellationToken::new();
+        let (scans_tx, mut scans) = mpsc::channel(WAITING);
+        let expected = settings.model;
+        let clock = self.clock.clone();
+        let driver = match Driver::start(settings, move || clock.now(), scans_tx, &stop) {
+            Ok(driver) => driver,
+            Err(error) => return vec![cannot_open(&error.to_string())],
+        };
+        let mut status = driver.status();
+        let limit = self.clock.now().plus(self.patience.0);
+        let mut streams_since = None;
+        loop {
+            while scans.try_recv().is_ok() {}
+            let now = self.clock.now();
+            note_streaming(&mut streams_since, &status.borrow_and_update(), now);
+            if now >= limit || has_counted(streams_since, now) {
+                break;
+            }
+            self.clock.sleep_until(now.plus(LOOKING_EVERY)).await;
+        }
+        let last = status.borrow().clone();
+        stop_driver(driver).await;
+        judge::lidar(&last, expected)
+    }
+
+    /// LiDAR, detector, autopilot and log, as in flight.
+    async fn configured(&self, config: &Config) -> Vec<Check> {
+        let parts = (config.pilot_settings(), config.link_settings(), config.lidar_settings());
+        let (pilot, link, lidar) = match parts {
+            (Ok(pilot), Ok(link), Ok(lidar)) => (pilot, link, lidar),
+            (Err(error), ..) | (_, Err(error), _) | (.., Err(error)) => {
+                let cure = "mend this key; `run --print-config` checks the file";
+                let found = error.to_string();
+                return vec![Check::with_cure("configuration", Verdict::Bad, found, cure)];
+            }
+        };
+        let mut checks = vec![Check::good("configuration", "every key is in its range")];
+        checks.extend(port(lidar.port.clone().into()).map(|port| port.check()));
+        checks.push(log_check(&config.log.directory));
+        let stop = CancellationToken::new();
+        let (scans_tx, scans) = mpsc::channel(WAITING);
+        let (frames_tx, tags) = mpsc::channel(WAITING);
+        let expected = lidar.model;
+        let clock = self.clock.clone();
+        let driver = Driver::start(lidar, move || clock.now(), scans_tx, &stop);
+        let (camera_stats, listener_error) = self.listen(config, frames_tx, &stop).await;
+        let address = link.address.to_string();
+        let setup = ServiceSetup {
+            pilot: Pilot::new(pilot),
+            link,
+            clock: self.clock.clone(),
+            stop: stop.clone(),
+            scans,
+            tags,
+            recorder: None,
+        };
+        let service = Service::start(setup).await;
+        let lidar_status = driver.as_ref().ok().map(Driver::status);
+        let service_status = service.as_ref().ok().map(crate::service::RunningService::status);
+        let (began, listened) =
+            self.wait(lidar_status.as_ref(), &camera_stats, service_status.as_ref()).await;
+        tracing::debug!(seconds = listened.as_secs_f64(), began = began.seconds(), "listened");
+        match &driver {
+            Ok(driver) => checks.extend(judge::lidar(&driver.status().borrow(), expected)),
+            Err(error) => checks.push(cannot_open(&error.to_string())),
+        }
+        checks.push(listener_error.unwrap_or_else(|| {
+            judge::detector(&camera_stats.borrow(), &config.detections, listened)
+        }));
+        match (&service, &service_status) {
+            (Ok(_), Some(status)) => checks.extend(judge::autopilot(&status.borrow(), &address)),
+            (Err(error), _) => checks.push(Check::with_cure(
+                "autopilot",
+                Verdict::Bad,
+                format!("{error}: {address}"),
+                "see that nothing else uses this address: `ss -lunp`, `fuser -v DEVICE`",
+            )),
+            (Ok(_), None) => {}
+        }
+        stop.cancel();
+        if let Ok(driver) = driver {
+            stop_driver(driver).await;
+        }
+        if let Ok(service) = service
+            && let Err(error) = service.join().await
+        {
+            tracing::error!(%error, "the examination's brain died");
+        }
+        checks
+    }
+
+    async fn listen(
+        &self,
+        config: &Config,
+        frames: mpsc::Sender<crate::pilot::Event>,
+        stop: &CancellationToken,
+    ) -> (watch::Receiver<CameraStats>, Option<Check>) {
+        let none = || watch::Sender::new(CameraStats::default()).subscribe();
+        let refused = |error: String| {
+            let cure = "see that nothing else listens there: `ss -lunp`";
+            Some(Check::with_cure("detector", Verdict::Bad, error, cure))
+        };
+        let settings = match config.camera_settings() {
+            Ok(settings) => settings,
+            Err(error) => return (none(), refused(error.to_string())),
+        };
+        match Listener::bind(settings).await {
+            Ok(listener) => {
+                let stats = listener.stats();
+                let clock = self.clock.clone();
+                tokio::spawn(listener.run(move || clock.now(), frames, stop.child_token()));
+                (stats, None)
+            }
+            Err(error) => (none(), refused(format!("{}: {error}", config.detections))),
+        }
+    }
+
+    /// Waits until everything is there and its rates are counted, or patience ends.
+    async fn wait(
+        &self,
+        lidar: Option<&watch::Receiver<LidarStatus>>,
+        camera: &watch::Receiver<CameraStats>,
+        service: Option<&watch::Receiver<ServiceStatus>>,
+    ) -> (Stamp<Mono>, Duration) {
+        let began = self.clock.now();
+        let limit = began.plus(self.patience.0);
+        let mut streams_since = None;
+        loop {
+            let now = self.clock.now();
+            if let Some(lidar) = lidar {
+                note_streaming(&mut streams_since, &lidar.borrow(), now);
+            }
+            let is_counted = lidar.is_none() || has_counted(streams_since, now);
+            let sees = camera.borrow().frames > 0;
+            let hears = service.is_none_or(|service| {
+                let status = service.borrow();
+                status.vehicle.is_some() && status.is_clock_known
+            });
+            if now >= limit || (is_counted && sees && hears) {
+                return (began, now.since(began));
+            }
+            self.clock.sleep_until(now.plus(LOOKING_EVERY)).await;
+        }
+    }
+}
+
+fn settings(path: &Path) -> Settings {
+    Settings { port: path.to_string_lossy().into_owned(), model: None, baud: None }
+}
+
+fn note_streaming(since: &mut Option<Stamp<Mono>>, status: &LidarStatus, now: Stamp<Mono>) {
+    if status.health == LidarHealth::Streaming {
+        since.get_or_insert(now);
+    } else {
+        *since = None;
+    }
+}
+
+fn has_counted(since: Option<Stamp<Mono>>, now: Stamp<Mono>) -> bool {
+    since.is_some_and(|since| now.since(since) >= COUNTING)
+}
+
+/// Joining a thread blocks for one poll of the port.
+async fn stop_driver(driver: Driver) {
+    if let Err(error) = tokio::task::spawn_blocking(move || driver.stop()).await {
+        tracing::error!(%error, "the LiDAR driver died");
+    }
+}
+
+fn cannot_open(error: &str) -> Check {
+    // The error of an open port says what to do after its semicolon.
+    let (found, cure) = error.split_once("; ").unwrap_or((error, "see `dmesg | tail`"));
+    Check::with_cure("lidar", Verdict::Bad, found, cure)
+}
+
+fn no_port() -> Check {
+    Check::with_cure(
+        "lidar",
+        Verdict::Bad,
+        "no serial port that may be opened",
+        "plug the sensor's adapter in; `dmesg -w` shows whether the system sees it",
+    )
+}
+
+fn log_check(directory: &Path) -> Check {
+    let subject = "log";
+    let probe = directory.join(".stockpilot-doctor");
+    let written = std::fs::create_dir_all(directory)
+        .and_then(|()| std::fs::write(&probe, b"doctor"))
+        .and_then(|()| std::fs::remove_file(&probe));
+    match written {
+        Ok(()) => Check::good(subject, format!("{} can be written", directory.display())),
+        Err(error) => Check::with_cure(
+            subject,
+            Verdict::Bad,
+            format!("{}: {error}", directory.display()),
+            "make the folder writable for this user, or name another as `log.directory`",
+        ),
+    }
+}
+
+fn clock_check() -> Check {
+    let now_s = u64::try_from(jiff::Timestamp::now().as_second()).unwrap_or(0);
+    // systemd-timesyncd leaves this file once it has set the clock.
+    let service = Path::new("/run/systemd/timesync");
+    let is_synchronised = service.exists().then(|| service.join("synchronized").exists());
+    judge::wall_clock(now_s, is_synchronised)
+}

@@ -1,0 +1,314 @@
+//! What was seen, judged.
+
+use super::{Check, Verdict};
+use crate::camera::CameraStats;
+use crate::lidar::{LidarHealth, LidarStatus, Model};
+use crate::service::ServiceStatus;
+use std::time::Duration;
+
+/// A sensor's rate may differ this much from its data sheet.
+const RATE_TOLERANCE: f64 = 0.1;
+/// Turns of the head that sensors of these families work at, 1/s.
+const TURNS_HZ: std::ops::RangeInclusive<f64> = 4.0..=45.0;
+/// Refused frames in a thousand that a good line may have.
+const REFUSED_PERMILLE: f64 = 2.0;
+/// Frames that detectors should deliver at least, 1/s.
+const LEAST_FRAMES_HZ: f64 = 5.0;
+/// Nothing earlier is the present, s since 1970: this program is younger.
+const EARLIEST_S: u64 = 1_735_689_600;
+
+/// The LiDAR's lines: who it is, how fast it measures, how its line is.
+///
+/// `expected` is what the configuration names.
+#[must_use]
+pub fn lidar(status: &LidarStatus, expected: Option<Model>) -> Vec<Check> {
+    match &status.health {
+        LidarHealth::Streaming => {}
+        other => return vec![lidar_fault(other, status.baud)],
+    }
+    vec![lidar_identity(status, expected), lidar_rate(status), lidar_line(status)]
+}
+
+fn lidar_identity(status: &LidarStatus, expected: Option<Model>) -> Check {
+    let Some(identity) = &status.identity else {
+        return Check::with_cure(
+            "lidar",
+            Verdict::Warn,
+            "it streams but does not tell who it is",
+            "compare `lidar.model` with its label",
+        );
+    };
+    let mut found = format!("{} at {} bit/s", identity.name, status.baud);
+    for (what, value) in
+        [("firmware", &identity.firmware), ("serial", &identity.serial), ("mode", &identity.mode)]
+    {
+        if let Some(value) = value {
+            found.push_str(&format!(", {what} {value}"));
+        }
+    }
+    match (identity.model, expected) {
+        (Some(model), Some(expected)) if model != expected => Check::with_cure(
+            "lidar",
+            Verdict::Bad,
+            format!("{found}; the configuration says {}", expected.full_name()),
+            format!("write `model = \"{}\"` into [lidar] and check its ranges", model.name()),
+        ),
+        _ => Check::good("lidar", found),
+    }
+}
+
+fn lidar_rate(status: &LidarStatus) -> Check {
+    let rates = status.rates;
+    let found = format!("{:.0} samples/s, {:.1} turns/s", rates.samples_hz, rates.turns_hz);
+    let model = status.identity.as_ref().and_then(|identity| identity.model);
+    let spec_hz = model.map(|model| f64::from(model.samples_per_s()));
+    let is_slow = spec_hz.is_some_and(|hz| {
+        // Hokuyo sensors look through three quarters of the turn only.
+        rates.samples_hz < 0.64 * hz * (1.0 - RATE_TOLERANCE)
+    });
+    if !TURNS_HZ.contains(&rates.turns_hz) {
+        return Check::with_cure(
+            "lidar rate",
+            Verdict::Bad,
+            found,
+            "see whether the head turns freely and whether its supply gives an ampere at the start",
+        );
+    }
+    if is_slow {
+        return Check::with_cure(
+            "lidar rate",
+            Verdict::Warn,
+            found,
+            "another USB port without a hub, a shorter cable; `lidar line` tells what was lost",
+        );
+    }
+    Check::good("lidar rate", found)
+}
+
+fn lidar_line(status: &LidarStatus) -> Check {
+    let stats = &status.stats;
+    #[expect(clippy::cast_precision_loss, reason = "counts of some seconds")]
+    let permille = 1e3 * stats.checksum_errors as f64 / (stats.frames.max(1)) as f64;
+    let found = format!(
+        "{} frames, {} refused, {} samples missing, {} beams lost",
+        stats.frames, stats.checksum_errors, stats.missing_samples, stats.lost_beams
+    );
+    if permille > REFUSED_PERMILLE {
+        return Check::with_cure(
+            "lidar line",
+            Verdict::Warn,
+            found,
+            "keep the cable short and away from motor leads, and give the sensor its own 5 V",
+        );
+    }
+    Check::good("lidar line", found)
+}
+
+fn lidar_fault(health: &LidarHealth, baud: u32) -> Check {
+    let (found, cure) = match health {
+        LidarHealth::Starting | LidarHealth::Streaming => (
+            "it has not begun to stream".to_owned(),
+            "wait for its motor, then look again; `--seconds 20` waits longer".to_owned(),
+        ),
+        LidarHealth::Silent => (
+            format!("nothing comes at {baud} bit/s"),
+            "check that its head turns and that power, cable and plug are right; an LD06 or LD19 \
+             talks by itself as soon as it has 5 V"
+                .to_owned(),
+        ),
+        LidarHealth::NoFrames { baud } => (
+            format!("what comes makes no sense at {baud} bit/s"),
+            "write `model = \"auto\"` into [lidar] without a baud, or the model on its label"
+                .to_owned(),
+        ),
+        LidarHealth::Stalled => (
+            "beams come, but its head stands still".to_owned(),
+            "see whether the head turns freely; some models need an ampere to start".to_owned(),
+        ),
+        LidarHealth::Faulty { reason } => (
+            reason.clone(),
+            "take its power away for ten seconds; if the error stays, the sensor is broken"
+                .to_owned(),
+        ),
+        LidarHealth::Disconnected { reason } => (
+            format!("disconnected: {reason}"),
+            "check plug and cable; `dmesg -w` shows whether the adapter comes and goes".to_owned(),
+        ),
+        LidarHealth::Stopped => (
+            "its driver has ended".to_owned(),
+            "start again with RUST_LOG=debug and look at the last lines".to_owned(),
+        ),
+    };
+    Check::with_cure("lidar", Verdict::Bad, found, cure)
+}
+
+/// The detector's line after listening for `listened`.
+#[must_use]
+pub fn detector(stats: &CameraStats, address: &str, listened: Duration) -> Check {
+    if stats.frames == 0 {
+        let (found, cure) = stats.last_refusal.as_ref().map_or_else(
+            || {
+                (
+                    format!("nothing came to {address}"),
+                    format!("start the detector and let it send to {address}"),
+                )
+            },
+            |refusal| {
+                (
+                    format!("{} lines came and all were refused: {refusal}", stats.lines),
+                    "src/camera/schema.md describes the lines; stamps are CLOCK_MONOTONIC"
+                        .to_owned(),
+                )
+            },
+        );
+        return Check::with_cure("detector", Verdict::Bad, found, cure);
+    }
+    #[expect(clippy::cast_precision_loss, reason = "counts of some seconds")]
+    let rate_hz = stats.frames as f64 / listened.as_secs_f64();
+    let found = format!("{rate_hz:.1} frames/s, {} lines refused", stats.refused);
+    if rate_hz < LEAST_FRAMES_HZ {
+        let cure = "the position needs five frames a second: less exposure, smaller pictures";
+        return Check::with_cure("detector", Verdict::Warn, found, cure);
+    }
+    Check::good("detector", found)
+}
+
+/// The autopilot's lines: its heartbeat, and the comparison of clocks with it.
+#[must_use]
+pub fn autopilot(status: &ServiceStatus, address: &str) -> Vec<Check> {
+    let transport = status.stats.transport;
+    let Some(vehicle) = &status.vehicle else {
+        let (found, cure) = if transport.received > 0 {
+            (
+                format!(
+                    "{} messages on {address}, but no heartbeat of an autopilot",
+                    transport.received
+                ),
+                "see that the autopilot, not only a radio or a ground station, sends to this port"
+                    .to_owned(),
+            )
+        } else {
+            (
+                format!("nothing comes on {address}"),
+                "check `link.address`, the autopilot's port, its baud and that TX meets RX; \
+                 firmware-params/README.md has the parameters"
+                    .to_owned(),
+            )
+        };
+        return vec![Check::with_cure("autopilot", Verdict::Bad, found, cure)];
+    };
+    let found = format!("heartbeat on {address}, {:?}", vehicle.mode);
+    let clock = if status.is_clock_known {
+        Check::good("autopilot clock", "compared")
+    } else {
+        Check::with_cure(
+            "autopilot clock",
+            Verdict::Bad,
+            "the autopilot does not answer TIMESYNC",
+            "set the link's MAVLink mode to Onboard (PX4: MAV_x_MODE 2), version 2",
+        )
+    };
+    vec![Check::good("autopilot", found), clock]
+}
+
+/// This computer's clock of the day, which names logs and dates results; `now_s` since 1970.
+#[must_use]
+pub fn wall_clock(now_s: u64, is_synchronised: Option<bool>) -> Check {
+    if now_s < EARLIEST_S {
+        return Check::with_cure(
+            "clock",
+            Verdict::Warn,
+            "the date of this computer is years behind",
+            "connect it to a network once, or `sudo date -s \"2026-01-31 12:00\"`; flights do not \
+             need the date, results do",
+        );
+    }
+    match is_synchronised {
+        Some(true) => Check::good("clock", "set by the network"),
+        Some(false) => Check::with_cure(
+            "clock",
+            Verdict::Warn,
+            "not set by the network since the start",
+            "`timedatectl set-ntp true`; flights do not need the date, results do",
+        ),
+        None => Check::good("clock", "plausible"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lidar::{Identity, LidarStats, Rates};
+
+    fn streaming(model: Model) -> LidarStatus {
+        LidarStatus {
+            health: LidarHealth::Streaming,
+            identity: Some(Identity {
+                model: Some(model),
+                name: model.full_name().into(),
+                ..Identity::default()
+            }),
+            baud: model.default_baud(),
+            rates: Rates { samples_hz: f64::from(model.samples_per_s()), turns_hz: 10.0 },
+            last_frame_at: None,
+            stats: LidarStats { frames: 1000, ..LidarStats::default() },
+        }
+    }
+
+    fn verdicts(status: &LidarStatus, expected: Option<Model>) -> Vec<Verdict> {
+        lidar(status, expected).iter().map(|check| check.verdict).collect()
+    }
+
+    #[test]
+    fn a_sensor_as_it_should_be_is_good_and_each_flaw_is_named() {
+        use Verdict::{Bad, Good, Warn};
+        let good = streaming(Model::Ld19);
+        assert_eq!(verdicts(&good, Some(Model::Ld19)), [Good, Good, Good]);
+        assert_eq!(verdicts(&good, Some(Model::Stl27l)), [Bad, Good, Good]);
+        let slow =
+            LidarStatus { rates: Rates { samples_hz: 2000.0, turns_hz: 10.0 }, ..good.clone() };
+        assert_eq!(verdicts(&slow, None), [Good, Warn, Good]);
+        let held =
+            LidarStatus { rates: Rates { samples_hz: 4500.0, turns_hz: 0.1 }, ..good.clone() };
+        assert_eq!(verdicts(&held, None), [Good, Bad, Good]);
+        let stats = LidarStats { frames: 1000, checksum_errors: 20, ..LidarStats::default() };
+        assert_eq!(verdicts(&LidarStatus { stats, ..good.clone() }, None), [Good, Good, Warn]);
+        for health in [
+            LidarHealth::Silent,
+            LidarHealth::NoFrames { baud: 9600 },
+            LidarHealth::Stalled,
+            LidarHealth::Starting,
+        ] {
+            let checks = lidar(&LidarStatus { health, ..good.clone() }, None);
+            assert_eq!(checks.len(), 1);
+            assert!(checks[0].verdict == Bad && checks[0].cure.is_some());
+        }
+    }
+
+    #[test]
+    fn a_detector_is_judged_by_its_frames() {
+        let over_five_s = |frames| {
+            let stats = CameraStats { frames, lines: frames, ..CameraStats::default() };
+            detector(&stats, "udp:127.0.0.1:5600", Duration::from_secs(5)).verdict
+        };
+        assert_eq!(over_five_s(0), Verdict::Bad);
+        assert_eq!(over_five_s(10), Verdict::Warn);
+        assert_eq!(over_five_s(100), Verdict::Good);
+    }
+
+    #[test]
+    fn an_autopilot_that_is_silent_or_no_autopilot_is_bad() {
+        let mut status = ServiceStatus::default();
+        assert!(autopilot(&status, "udpin:…")[0].found.contains("nothing comes"));
+        status.stats.transport.received = 9;
+        assert!(autopilot(&status, "udpin:…")[0].found.contains("no heartbeat"));
+        assert!(autopilot(&status, "udpin:…").iter().all(|check| check.cure.is_some()));
+    }
+
+    #[test]
+    fn a_clock_of_1970_is_warned_of() {
+        assert_eq!(wall_clock(1000, None).verdict, Verdict::Warn);
+        assert_eq!(wall_clock(EARLIEST_S + 1, Some(false)).verdict, Verdict::Warn);
+        assert_eq!(wall_clock(EARLIEST_S + 1, Some(true)).verdict, Verdict::Good);
+    }
+}
