@@ -23,6 +23,7 @@
 //! above 255 is not spoken.
 
 mod autopilot_clock;
+mod budget;
 mod command;
 mod dialect;
 mod frames;
@@ -41,6 +42,7 @@ mod text;
 pub mod transport;
 pub mod wire;
 
+pub use budget::LinkBudget;
 pub use security::{Guard, GuardStats, Network, NetworkError, SecuritySettings};
 pub use session::{Session, SessionOutput};
 pub use settings::{Address, AddressError, Settings};

@@ -25,8 +25,8 @@ use crate::geometry::{Hall, Point};
 use crate::localization::{self, Localizer};
 use crate::mapping::{self, Mapper, SolveError, SolvedSurface};
 use crate::messages::{
-    BatterySample, DisturbedArea, NavEstimate, OperatorAnswer, OperatorCommand, Scan, Severity,
-    StatusText, VehicleState, VolumeAccount,
+    AutopilotPose, BatterySample, DisturbedArea, NavEstimate, OperatorAnswer, OperatorCommand,
+    Scan, Severity, StatusText, VehicleState, VolumeAccount,
 };
 use crate::mission::{self, Effect, EnergyGauge, Inputs, Mission, Phase};
 use crate::planning;
@@ -77,8 +77,15 @@ const LEAST_DISTURBED_M2: f64 = 0.5;
 /// The end of a trajectory counts as reached within this distance, m.
 const AT_TARGET_M: f64 = 0.3;
 
+/// An older word of the autopilot on its place is not compared with the own one.
+const DISAGREEMENT_OLD_AFTER: Duration = Duration::from_secs(1);
+/// After a declared jump further than this, m, the trajectory begins anew where the vehicle is.
+const JUMP_FOLLOWED_M: f64 = 0.3;
+/// Speed of a landing that the autopilot flies, m/s.
+const LANDING_MPS: f64 = 0.5;
+
 /// The brain.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Pilot {
     settings: Settings,
     localizer: Localizer,
@@ -90,6 +97,12 @@ pub struct Pilot {
     vehicle: Option<VehicleState>,
     is_autopilot_lost: bool,
     battery: Option<BatterySample>,
+    /// Where the autopilot believes to be, until the own pose of that instant is known.
+    autopilot_pose: Option<AutopilotPose>,
+    /// When the autopilot told its place, and how far that is from the own one, m.
+    disagreement: Option<(Stamp<Mono>, f64)>,
+    /// The localisation's count of declared jumps, as it was last looked at.
+    reset_counter: u8,
     last_beam_at: Option<Stamp<Mono>>,
     /// Scans whose pose can still change: see [`Self::map_waiting_scans`].
     waiting_scans: VecDeque<Scan>,
@@ -118,7 +131,7 @@ struct Ending {
 }
 
 /// Work that is under way.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 struct Jobs {
     next_id: u64,
     solve: Option<JobId>,
@@ -129,7 +142,7 @@ struct Jobs {
 }
 
 /// Length of the commanded path, m.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 struct FlownPath {
     length_m: f64,
     last: Option<Vector3<f64>>,
@@ -160,6 +173,9 @@ impl Pilot {
             vehicle: None,
             is_autopilot_lost: false,
             battery: None,
+            autopilot_pose: None,
+            disagreement: None,
+            reset_counter: 0,
             last_beam_at: None,
             waiting_scans: VecDeque::new(),
             jobs: Jobs::default(),
@@ -212,11 +228,10 @@ impl Pilot {
             Event::Battery(battery) => {
                 self.battery = Some(battery);
                 if matches!(self.mission.phase(), Phase::TakeOff | Phase::Survey) {
-                    self.energy.read(battery.remaining_ratio, self.flown.length_m);
+                    self.energy.read(battery.at, battery.remaining_ratio, self.flown.length_m);
                 }
             }
-            // Kept in the log; the mission rests on the companion's own estimate.
-            Event::AutopilotPose(_) => {}
+            Event::AutopilotPose(pose) => self.autopilot_pose = Some(pose),
             Event::CommandAnswered(outcome) => {
                 if !outcome.is_accepted {
                     let text = format!("autopilot refused {:?}", outcome.command);
@@ -263,6 +278,8 @@ impl Pilot {
         self.n_ticks += 1;
         self.map_waiting_scans();
         self.route.advance(now);
+        self.follow_jump();
+        self.compare_with_autopilot();
         self.run_mission(actions);
         if self.mission.phase() == Phase::Survey {
             self.route.survey(now);
@@ -342,6 +359,10 @@ impl Pilot {
                 let yaw_rad = hall_from_body.rotation.yaw_rad();
                 wrapped_rad(yaw_rad - self.route.settings().yaw_rad)
             }),
+            position_sigma_m: self.localizer.position_sigma_m(),
+            disagreement_m: self.disagreement_m(),
+            intrusion_m: self.intrusion_m(),
+            way_home_ratio: self.way_home_ratio(),
             height_over_home_m: self
                 .localizer
                 .pose()
@@ -349,6 +370,67 @@ impl Pilot {
                 .map(|(hall_from_body, home)| hall_from_body.origin.coords.z - home.coords.z),
             is_trajectory_over: self.route.path().reached_end(self.now).is_some(),
             is_at_target: self.is_at_target(),
+        }
+    }
+
+    /// Compares the two places once the inertial samples have reached the autopilot's instant.
+    fn compare_with_autopilot(&mut self) {
+        let Some(pose) = self.autopilot_pose else { return };
+        if let Some((own, _)) = self.localizer.pose_at(pose.at) {
+            let off_m = (pose.position.coords - own.origin.coords).norm();
+            self.disagreement = Some((pose.at, off_m));
+            self.autopilot_pose = None;
+        }
+    }
+
+    /// Distance of the autopilot's place to the own one, m, if it was told lately.
+    fn disagreement_m(&self) -> Option<f64> {
+        let (at, off_m) = self.disagreement?;
+        (self.now.since(at) < DISAGREEMENT_OLD_AFTER).then_some(off_m)
+    }
+
+    /// By how much the vehicle is nearer to anything than its trajectory, beyond what is demanded.
+    fn intrusion_m(&self) -> f64 {
+        let trajectory = self.route.path().trajectory();
+        let Some((place, trajectory)) = self.localizer.pose().zip(trajectory) else { return 0.0 };
+        let planned = trajectory.knot_at(self.now).position;
+        let clearance = self.route.plan.clearance();
+        let is_at = clearance.shortfall(&place.origin.coords, &place.origin.coords);
+        let is_planned = clearance.shortfall(&planned, &planned);
+        let beyond =
+            |at_m: f64, planned_m: f64| if at_m > planned_m { at_m - planned_m } else { 0.0 };
+        beyond(is_at.around_m, is_planned.around_m).max(beyond(is_at.below_m, is_planned.below_m))
+    }
+
+    /// Charge for the way over the pad and down, at the consumption so far.
+    fn way_home_ratio(&self) -> Option<f64> {
+        let place = self.localizer.pose()?.origin.coords;
+        let over_home = self.above(&self.home?).place.coords;
+        let way_s = (over_home - place).norm() / self.route.settings().limits.speed_mps;
+        let landing_s = over_home.z / LANDING_MPS;
+        self.energy.charge_for(way_s + landing_s)
+    }
+
+    /// After a declared jump of the own place the trajectory leads from where the vehicle was
+    /// thought to be: it goes on from where it is, without a lunge.
+    fn follow_jump(&mut self) {
+        let Some(estimate) = self.localizer.estimate() else { return };
+        if estimate.reset_counter == self.reset_counter {
+            return;
+        }
+        self.reset_counter = estimate.reset_counter;
+        self.disagreement = None;
+        self.autopilot_pose = None;
+        let place = estimate.hall_from_body.origin;
+        let planned = self.route.path().trajectory().map(|t| t.knot_at(self.now).position);
+        let is_far = planned.is_some_and(|p| (p - place.coords).norm() > JUMP_FOLLOWED_M);
+        if !self.mission.is_steering() || !is_far {
+            return;
+        }
+        self.stand(place);
+        let over_home = self.home.map(|home| self.above(&home));
+        if let (Phase::TakeOff | Phase::Return, Some(over_home)) = (self.phase(), over_home) {
+            self.route.go_to(over_home, self.now);
         }
     }
 

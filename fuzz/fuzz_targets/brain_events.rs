@@ -10,7 +10,7 @@ use std::time::Duration;
 use stockpilot::geometry::{Direction, Point};
 use stockpilot::messages::{
     AutopilotPose, BatterySample, Beam, CameraId, CommandOutcome, FlightMode, ImuSample,
-    LandedState, OperatorCommand, OperatorRequest, OperatorVerb, Scan, TagDetection, TagFamily,
+    LandedState, OperatorCommand, OperatorRequest, OperatorVerb, Scan, TagDetection, TagFamily, TakeOff,
     VehicleCommand, VehicleState,
 };
 use stockpilot::pilot::Event;
@@ -18,26 +18,30 @@ use stockpilot::time::{Mono, Stamp};
 use stockpilot_fuzz::{Scene, frame_at};
 
 /// Longer sequences find nothing that short ones do not, and take their time.
-const MAX_EVENTS: usize = 400;
+const MAX_EVENTS: usize = 200;
+/// Seconds on the pad, each of them hundreds of events.
+const MAX_RESTS: u32 = 2;
 
 fuzz_target!(|input: &[u8]| {
     let mut u = Unstructured::new(input);
     let mut scene = Scene::new();
+    let mut n_rests = 0;
     for _ in 0..MAX_EVENTS {
-        if u.is_empty() || step(&mut u, &mut scene).is_err() {
+        if u.is_empty() || step(&mut u, &mut scene, &mut n_rests).is_err() {
             break;
         }
     }
 });
 
-fn step(u: &mut Unstructured<'_>, scene: &mut Scene) -> Result<()> {
+fn step(u: &mut Unstructured<'_>, scene: &mut Scene, n_rests: &mut u32) -> Result<()> {
     match u.int_in_range(0..=12)? {
         0..=2 => {
             let by = Duration::from_millis(u.int_in_range(0..=200)?);
             scene.tick(by);
             return Ok(());
         }
-        3 => {
+        3 if *n_rests < MAX_RESTS => {
+            *n_rests += 1;
             // A second on the pad as it should be: the brain gets somewhere.
             for k in 0..200_u64 {
                 let at = scene.now();
@@ -104,6 +108,9 @@ fn event(u: &mut Unstructured<'_>, now: Stamp<Mono>) -> Result<Event> {
                 LandedState::Landing,
             ])?,
             in_failsafe: u.arbitrary()?,
+            is_contested: u.arbitrary()?,
+            is_ready: u.arbitrary()?,
+            takes_off: *u.choose(&[TakeOff::BySetpoints, TakeOff::ByCommand])?,
         }),
         6 => Event::Battery(BatterySample {
             at,
@@ -135,6 +142,7 @@ fn event(u: &mut Unstructured<'_>, now: Stamp<Mono>) -> Result<Event> {
                 command: *u.choose(&[
                     VehicleCommand::Arm,
                     VehicleCommand::EnterCompanionMode,
+                    VehicleCommand::TakeOff,
                     VehicleCommand::EnterLand,
                 ])?,
                 is_accepted: u.arbitrary()?,

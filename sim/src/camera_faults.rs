@@ -65,7 +65,7 @@ impl CameraFault {
 }
 
 /// Spoils the frames of one flight.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct CameraFaultLayer {
     noise: Noise,
     /// The marker that hangs elsewhere now, and by how much.

@@ -4,6 +4,7 @@
 //! are those of the real service; only bytes, sockets and threads are left out.
 
 use crate::camera_faults::{CameraFault, CameraFaultLayer, keep_largest};
+use crate::faults::{LinkLayer, Way};
 use crate::hall::{Devices, config};
 use crate::judge::PoseJudge;
 use crate::lidar::TurnAssembler;
@@ -11,12 +12,15 @@ use crate::operator::Operator;
 use crate::report::{Measured, RunReport};
 use crate::rig::{Rig, RigOutput};
 use crate::scenario::Scenario;
+use crate::temporary_log::TemporaryLog;
+use anyhow::Context as _;
+use mavlink::MavHeader;
 use mavlink::dialects::ardupilotmega::MavMessage;
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 use stockpilot::config::{Config, ConfigError};
 use stockpilot::link::{Session, SessionOutput};
-use stockpilot::messages::NavEstimate;
+use stockpilot::messages::{NavEstimate, TagDetections};
 use stockpilot::mission::Phase;
 use stockpilot::pilot::{Action, Event, FlightSummary, Job, JobId, JobOutput, Pilot, TICK_RATE_HZ};
 use stockpilot::service::external_planner;
@@ -67,6 +71,21 @@ pub struct SensorFaults {
     pub camera: Option<CameraFault>,
     /// No more markers than this, the largest in the picture.
     pub n_tags_max: Option<usize>,
+    /// No frame arrives at all.
+    pub is_camera_dead: bool,
+    /// The detector's clock is ahead by this, ns.
+    pub camera_offset_ns: i64,
+    /// Frames arrive this much later, one delay after the other; none if empty.
+    pub camera_delays_ms: &'static [u64],
+}
+
+/// Whether the companion computer works.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Companion {
+    Runs,
+    /// Its loop hangs; what comes in waits.
+    Frozen,
+    Dead,
 }
 
 /// Brain and rig, connected directly.
@@ -76,11 +95,20 @@ pub struct DirectFlight {
     pub rig: Rig,
     /// What is wrong with the sensors now.
     pub faults: SensorFaults,
+    /// The link in a tester's hands.
+    pub link: LinkLayer,
+    companion: Companion,
+    log: Option<TemporaryLog>,
+    config: Config,
+    late_frames: Vec<(Stamp<Mono>, TagDetections)>,
+    n_frames: usize,
     camera_faults: CameraFaultLayer,
     operator: Operator,
     session: Session,
     /// What followed from messages after the last step's events were handed over.
     answers: SessionOutput,
+    /// What came while the companion's loop hung.
+    waiting: Vec<(MavHeader, MavMessage)>,
     pilot: Pilot,
     turns: TurnAssembler,
     poses: PoseJudge,
@@ -136,10 +164,17 @@ impl DirectFlight {
         Ok(Self {
             rig: scenario.rig(),
             faults: SensorFaults::default(),
+            link: LinkLayer::default(),
+            companion: Companion::Runs,
+            log: None,
+            config: config.clone(),
+            late_frames: Vec::new(),
+            n_frames: 0,
             camera_faults: CameraFaultLayer::new(scenario.seed),
             operator: Operator::default(),
             session: Session::new(config.link_settings()?),
             answers: SessionOutput::default(),
+            waiting: Vec::new(),
             pilot: Pilot::new(config.pilot_settings()?),
             turns: TurnAssembler::default(),
             poses: PoseJudge::default(),
@@ -149,6 +184,91 @@ impl DirectFlight {
             plan_times: Vec::new(),
             summary: None,
         })
+    }
+
+    /// The same flight once more from here on, with a whole link and without a log.
+    #[must_use]
+    pub fn fork(&self) -> Self {
+        Self {
+            rig: self.rig.clone(),
+            faults: self.faults,
+            link: LinkLayer::default(),
+            companion: self.companion,
+            log: None,
+            config: self.config.clone(),
+            late_frames: self.late_frames.clone(),
+            n_frames: self.n_frames,
+            camera_faults: self.camera_faults.clone(),
+            operator: self.operator.clone(),
+            session: self.session.clone(),
+            answers: self.answers.clone(),
+            waiting: self.waiting.clone(),
+            pilot: self.pilot.clone(),
+            turns: self.turns.clone(),
+            poses: self.poses,
+            n_ticks: self.n_ticks,
+            jobs: self.jobs.clone(),
+            n_samples_sent: self.n_samples_sent,
+            plan_times: self.plan_times.clone(),
+            summary: self.summary.clone(),
+        }
+    }
+
+    /// The companion computer loses its power.
+    pub const fn kill_companion(&mut self) {
+        self.companion = Companion::Dead;
+    }
+
+    /// The companion's loop hangs from now on; what comes in waits for it.
+    pub const fn freeze_companion(&mut self) {
+        self.companion = Companion::Frozen;
+    }
+
+    /// The loop goes on; ticks that were missed are left out, as the service does.
+    pub fn thaw_companion(&mut self) {
+        self.companion = Companion::Runs;
+        while tick_at(self.n_ticks) < self.rig.now() {
+            self.n_ticks += 1;
+        }
+    }
+
+    /// The companion starts anew and knows nothing; its log goes on in the same file.
+    ///
+    /// # Panics
+    /// If the configuration that it flew with is none any more.
+    #[expect(clippy::expect_used, reason = "the same configuration was good before")]
+    pub fn restart_companion(&mut self) {
+        let link = self.config.link_settings().expect("a configuration that was good");
+        let pilot = self.config.pilot_settings().expect("a configuration that was good");
+        self.session = Session::new(link);
+        self.pilot = Pilot::new(pilot);
+        self.answers.clear();
+        self.waiting.clear();
+        self.jobs.clear();
+        self.thaw_companion();
+    }
+
+    /// The id under which the companion speaks.
+    #[must_use]
+    pub fn companion_header(&self) -> MavHeader {
+        self.session.header()
+    }
+
+    /// From now on every event and result goes into a log beside the system's temporary files.
+    ///
+    /// # Errors
+    /// A file that cannot be created.
+    pub fn record_to_temporary_log(&mut self) -> anyhow::Result<()> {
+        self.log = Some(TemporaryLog::create(&self.config)?);
+        Ok(())
+    }
+
+    /// Ends the log and says how many events are in it.
+    ///
+    /// # Errors
+    /// No log, a log that cannot be read, or one that is not complete.
+    pub fn close_log(&mut self) -> anyhow::Result<u64> {
+        self.log.take().context("there is no log")?.close()
     }
 
     /// The brain's phase.
@@ -215,10 +335,43 @@ impl DirectFlight {
 
     /// 5 ms of flight.
     pub fn step(&mut self, witness: &mut impl FnMut(Stamp<Mono>, Witnessed<'_>)) {
-        let output = self.rig.step();
+        let mut output = self.rig.step();
+        let now = self.rig.now();
+        let sent = std::mem::take(&mut output.to_companion);
+        let arrived = self.link.pass(Way::ToCompanion, now, sent);
+        match self.companion {
+            Companion::Runs => self.step_companion(output, &arrived, witness),
+            Companion::Frozen => {
+                self.waiting.extend(arrived);
+                self.sense(output, &mut Vec::new());
+                self.rig_hears_nothing(now);
+            }
+            Companion::Dead => {
+                self.sense(output, &mut Vec::new());
+                self.rig_hears_nothing(now);
+            }
+        }
+        self.operator.step(now, self.rig.autopilot_mut());
+    }
+
+    /// What was sent before goes on arriving, and the autopilot goes on speaking.
+    fn rig_hears_nothing(&mut self, now: Stamp<Mono>) {
+        let header = self.session.header();
+        for (_, message) in self.link.pass(Way::ToAutopilot, now, Vec::new()) {
+            self.rig.autopilot_mut().on_message(now, header, &message);
+        }
+    }
+
+    fn step_companion(
+        &mut self,
+        output: RigOutput,
+        arrived: &[(MavHeader, MavMessage)],
+        witness: &mut impl FnMut(Stamp<Mono>, Witnessed<'_>),
+    ) {
         let now = self.rig.now();
         let mut out = std::mem::take(&mut self.answers);
-        for (header, message) in &output.to_companion {
+        let waited = std::mem::take(&mut self.waiting);
+        for (header, message) in waited.iter().chain(arrived) {
             self.session.on_message(header, message, now, &mut out);
         }
         let mut events = std::mem::take(&mut out.events);
@@ -237,10 +390,16 @@ impl DirectFlight {
         let mut actions = Vec::new();
         for event in events {
             witness(now, Witnessed::Event(&event));
+            if let Some(log) = &mut self.log {
+                log.event(now, &event);
+            }
             let n_before = actions.len();
             self.pilot.step(event, &mut actions);
             for action in &actions[n_before..] {
                 witness(now, Witnessed::Action(action));
+                if let Some(log) = &mut self.log {
+                    log.action(now, action);
+                }
             }
         }
         for action in actions {
@@ -248,7 +407,6 @@ impl DirectFlight {
             self.act(action, now);
         }
         self.deliver(&out.messages, now, witness);
-        self.operator.step(now, self.rig.autopilot_mut());
     }
 
     /// What the sensors give, as events.
@@ -259,12 +417,36 @@ impl DirectFlight {
             if self.faults.is_camera_covered {
                 frame.tags.clear();
             }
-            events.push(Event::TagsSeen(frame));
+            self.hand_on(frame, events);
         }
+        let now = self.rig.now();
+        self.late_frames.sort_by_key(|(due, _)| *due);
+        let n_due = self.late_frames.iter().take_while(|(due, _)| *due <= now).count();
+        events.extend(
+            self.late_frames
+                .drain(..n_due)
+                .map(|(due, frame)| Event::TagsSeen(TagDetections { received_at: due, ..frame })),
+        );
         for packet in &output.packets {
             self.n_samples_sent += packet.samples.len() as u64;
             let turn = self.turns.push(packet).filter(|_| !self.faults.is_lidar_silent);
             events.extend(turn.map(Event::Scanned));
+        }
+    }
+
+    /// A frame on its way from the detector.
+    fn hand_on(&mut self, mut frame: TagDetections, events: &mut Vec<Event>) {
+        self.n_frames += 1;
+        let offset_ns = self.faults.camera_offset_ns;
+        frame.captured_at = Stamp::from_nanos(frame.captured_at.nanos() + offset_ns);
+        let delays = self.faults.camera_delays_ms;
+        match delays.get(self.n_frames % delays.len().max(1)) {
+            _ if self.faults.is_camera_dead => {}
+            Some(ms) => {
+                let due = self.rig.now().plus(Duration::from_millis(*ms));
+                self.late_frames.push((due, frame));
+            }
+            None => events.push(Event::TagsSeen(frame)),
         }
     }
 
@@ -291,14 +473,19 @@ impl DirectFlight {
         witness: &mut impl FnMut(Stamp<Mono>, Witnessed<'_>),
     ) {
         let header = self.session.header();
+        let mut sent = Vec::with_capacity(messages.len());
         for message in messages {
             witness(now, Witnessed::ToAutopilot(message));
             let vehicle = self.rig.vehicle();
             self.poses.hear(message, |at| vehicle.pose_at(at));
-            self.rig.autopilot_mut().on_message(now, header, message);
+            sent.push((header, message.clone()));
+        }
+        for (header, message) in self.link.pass(Way::ToAutopilot, now, sent) {
+            self.rig.autopilot_mut().on_message(now, header, &message);
         }
         // Answers leave at once: half a step of delay would shift the clock offset by as much.
-        for (header, message) in self.rig.autopilot_mut().take_outgoing() {
+        let answers = self.rig.autopilot_mut().take_outgoing();
+        for (header, message) in self.link.pass(Way::ToCompanion, now, answers) {
             self.session.on_message(&header, &message, now, &mut self.answers);
         }
     }

@@ -14,6 +14,7 @@ use stockpilot_sim::camera::CameraArgs;
 use stockpilot_sim::campaign::{self, Witnessed};
 use stockpilot_sim::comparison::{self, ComparisonArgs};
 use stockpilot_sim::consistency::{self, ConsistencyArgs};
+use stockpilot_sim::faults::{self, FaultsArgs};
 use stockpilot_sim::fly::{self, FlyOptions};
 use stockpilot_sim::lidar_command::{self, LidarArgs};
 use stockpilot_sim::paper::{self, PaperArgs};
@@ -37,6 +38,8 @@ enum Command {
     Campaign(CampaignArgs),
     /// Many flights; NEES and NIS of the localisation beside their χ² bands.
     Consistency(ConsistencyArgs),
+    /// Everything that can go wrong, and the judgement of what follows.
+    Faults(FaultsArgs),
     /// The experiment of the paper: its pictures and its table.
     Paper(PaperArgs),
     /// One emulated LiDAR on a pseudo-terminal, for any program.
@@ -98,6 +101,10 @@ fn main() -> anyhow::Result<ExitCode> {
     match Cli::parse().command {
         Some(Command::Campaign(args)) => run_campaign(&args),
         Some(Command::Consistency(args)) => consistency::run(&args).map(|()| ExitCode::SUCCESS),
+        Some(Command::Faults(args)) => {
+            let is_passed = faults::run(&args)?;
+            Ok(if is_passed { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+        }
         Some(Command::Paper(args)) => paper::run(&args).map(|()| ExitCode::SUCCESS),
         Some(Command::Lidar(args)) => lidar_command::run(&args).map(|()| ExitCode::SUCCESS),
         Some(Command::Autopilot(args)) => autopilot_command::run(&args).map(|()| ExitCode::SUCCESS),

@@ -8,16 +8,19 @@ use mavlink::dialects::ardupilotmega::{
 };
 use mavlink::{MAVLinkV2MessageRaw, MavHeader, MavlinkReader};
 use std::net::{SocketAddr, UdpSocket};
+use std::sync::Arc;
 use std::time::Duration;
 use stockpilot::time::{Mono, Stamp};
 
 /// A ground station on the autopilot's other link.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub struct Operator {
     next_heartbeat: Stamp<Mono>,
     next_start: Stamp<Mono>,
     is_start_acknowledged: bool,
     wishes: Vec<MavCmd>,
+    /// The ground station is switched off: it neither speaks nor hears.
+    pub is_silent: bool,
     /// Lines of text, in the order they came.
     pub texts: Vec<String>,
     /// The last value of VOLUME, m³, as a ground station shows it.
@@ -26,9 +29,9 @@ pub struct Operator {
 }
 
 /// A program of others that hears everything and says when to start.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 struct Station {
-    socket: UdpSocket,
+    socket: Arc<UdpSocket>,
     peer: Option<SocketAddr>,
 }
 
@@ -55,7 +58,7 @@ impl Operator {
         };
         let (local, socket) =
             open().with_context(|| format!("no socket for the ground station at {address}"))?;
-        let station = Some(Station { socket, peer: None });
+        let station = Some(Station { socket: Arc::new(socket), peer: None });
         Ok((Self { station, ..Self::default() }, local))
     }
 
@@ -66,7 +69,11 @@ impl Operator {
 
     /// Speaks and listens once per step of the simulation.
     pub fn step(&mut self, now: Stamp<Mono>, autopilot: &mut StubAutopilot) {
-        for (header, message) in autopilot.to_ground_station() {
+        let heard = autopilot.to_ground_station();
+        if self.is_silent {
+            return;
+        }
+        for (header, message) in heard {
             self.hear(header, &message);
             if let Some(station) = &self.station {
                 station.show(header, &message);

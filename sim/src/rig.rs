@@ -19,7 +19,7 @@ use stockpilot::time::{Mono, Stamp};
 const BOOT_LEAD: Duration = Duration::from_millis(12_345);
 
 /// Vehicle, autopilot and sensors in their world.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Rig {
     world: World,
     vehicle: Vehicle,
@@ -155,6 +155,13 @@ impl Rig {
             *corner = Point::from_coords(corner.coords + by_m);
         }
         true
+    }
+
+    /// Moves every marker of the hall by a vector in hall axes, m: as if the vehicle stood there.
+    pub fn move_all_tags(&mut self, by_m: &Vector3<f64>) {
+        for corner in self.world.tags.iter_mut().flat_map(|tag| &mut tag.corners) {
+            *corner = Point::from_coords(corner.coords + by_m);
+        }
     }
 
     /// The camera.

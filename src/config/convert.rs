@@ -76,7 +76,7 @@ impl Config {
     /// The link's settings.
     ///
     /// # Errors
-    /// A malformed address, or a rate out of range.
+    /// A malformed address, a rate out of range, or a serial line too slow for the rates.
     pub fn link_settings(&self) -> Result<link::Settings, ConfigError> {
         let address = self
             .link
@@ -84,7 +84,7 @@ impl Config {
             .parse()
             .map_err(|error: link::AddressError| invalid("link.address", error.to_string()))?;
         let rate = |key, value| within(key, value, (1.0, 1000.0), "Hz");
-        Ok(link::Settings {
+        let settings = link::Settings {
             address,
             imu_rate_hz: rate("link.imu_rate_hz", self.link.imu_rate_hz)?,
             autopilot_pose_rate_hz: rate(
@@ -93,7 +93,20 @@ impl Config {
             )?,
             security: self.link.security()?,
             published: self.published(),
-        })
+        };
+        match link::LinkBudget::of(&settings) {
+            Some(budget) if !budget.fits() => Err(invalid(
+                "link.address",
+                format!(
+                    "the line carries {:.0} bytes/s each way, but {:.0} are asked of the autopilot \
+                     and {:.0} are sent: raise the baud rate or lower link.imu_rate_hz",
+                    budget.capacity_bytes_per_s,
+                    budget.inbound_bytes_per_s,
+                    budget.outbound_bytes_per_s,
+                ),
+            )),
+            _ => Ok(settings),
+        }
     }
 
     /// The LiDAR driver's settings.

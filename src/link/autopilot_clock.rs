@@ -56,7 +56,7 @@ pub(crate) enum ClockSample {
 }
 
 /// Offset and drift of the autopilot's clock, and its requests under way.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct AutopilotClock {
     estimate: Option<Estimate>,
     round_trips_ns: VecDeque<i64>,

@@ -17,7 +17,7 @@ const PROGRESS_WITHIN: Duration = Duration::from_secs(5);
 const MAX_ATTEMPTS: u8 = 5;
 
 /// All commands under way: at most one per MAVLink command number.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Commands {
     under_way: Vec<Attempt>,
 }

@@ -18,7 +18,7 @@ use std::time::Duration;
 const REPEATED_WITHIN: Duration = Duration::from_secs(10);
 
 /// What was accepted last.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct OperatorDesk {
     accepted: Option<Accepted>,
     /// The last accepted start, if another wish has been accepted since.

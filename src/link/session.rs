@@ -35,7 +35,7 @@ const RIVAL_REMEMBERED_FOR: Duration = Duration::from_secs(10);
 const FIRST_GUESS_SYSTEM: u8 = 1;
 
 /// What one call produced, in order.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub struct SessionOutput {
     /// For the brain.
     pub events: Vec<Event>,
@@ -56,7 +56,7 @@ impl SessionOutput {
 /// The first heartbeat of component 1 that shows a known family fixes that family and the system
 /// id: it is the autopilot's and, with component 191, also the own one. Nothing is sent unless [`Session::on_time`] or
 /// [`Session::on_action`] is called, so the heartbeat stops when the caller stops.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Session {
     settings: Settings,
     autopilot: Option<Autopilot>,
@@ -72,7 +72,7 @@ pub struct Session {
 }
 
 /// What is known of the autopilot.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 struct Autopilot {
     system: u8,
     dialect: Dialect,

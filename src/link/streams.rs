@@ -23,7 +23,7 @@ const SILENT_WINDOWS: u8 = 2;
 const MODE_RATE_HZ: f64 = 30.0;
 
 /// The streams and how they flow.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(crate) struct Streams {
     streams: Vec<Stream>,
     judged_at: Option<Stamp<Mono>>,
@@ -31,7 +31,7 @@ pub(crate) struct Streams {
     imu_silent: u8,
 }
 
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 struct Stream {
     message_id: u32,
     rate_hz: f64,

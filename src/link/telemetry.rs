@@ -17,7 +17,7 @@ const COVERAGE_FACTOR: f64 = 2.0;
 const NAME_LETTERS: usize = 10;
 
 /// When what was sent last, and the number of the next text.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Telemetry {
     values_at: Option<Stamp<Mono>>,
     text_at: Option<Stamp<Mono>>,

@@ -1,6 +1,8 @@
 //! How far the battery still reaches, from what the flight has taken so far.
 
-/// Charge and metres since the flight began.
+use crate::time::{Mono, Stamp};
+
+/// Charge, metres and time since the flight began.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct EnergyGauge {
     began: Option<Reading>,
@@ -11,6 +13,7 @@ pub struct EnergyGauge {
 struct Reading {
     charge_ratio: f64,
     flown_m: f64,
+    at: Stamp<Mono>,
 }
 
 /// Less than this says nothing about the consumption: autopilots round to whole percents.
@@ -24,10 +27,21 @@ impl EnergyGauge {
     }
 
     /// Takes in the state of charge, 0 to 1, after so many metres of flight.
-    pub fn read(&mut self, charge_ratio: f64, flown_m: f64) {
-        let reading = Reading { charge_ratio, flown_m };
+    pub fn read(&mut self, at: Stamp<Mono>, charge_ratio: f64, flown_m: f64) {
+        let reading = Reading { charge_ratio, flown_m, at };
         self.began.get_or_insert(reading);
         self.newest = Some(reading);
+    }
+
+    /// Charge that `seconds` of flight will take at the consumption so far, 0 to 1; `None` while
+    /// that is not known. By time, since a flight that stands still uses charge too.
+    #[must_use]
+    pub fn charge_for(&self, seconds: f64) -> Option<f64> {
+        let (began, newest) = self.began.zip(self.newest)?;
+        let used_ratio = began.charge_ratio - newest.charge_ratio;
+        let flown_s = newest.at.seconds_since(began.at);
+        let is_known = used_ratio >= LEAST_USED_RATIO && flown_s > 0.0;
+        is_known.then(|| used_ratio / flown_s * seconds)
     }
 
     /// Metres until the charge is down to `reserve_ratio`, at the consumption per metre so far;
@@ -54,14 +68,18 @@ mod tests {
     #[test]
     fn the_reach_is_that_of_a_calculation_by_hand() {
         let mut gauge = EnergyGauge::default();
-        gauge.read(0.90, 0.0);
+        let at = |seconds| Stamp::ZERO.plus(std::time::Duration::from_secs(seconds));
+        gauge.read(at(0), 0.90, 0.0);
         assert_eq!(gauge.reach_m(0.25), None);
-        gauge.read(0.89, 12.0);
+        gauge.read(at(12), 0.89, 12.0);
+        assert_eq!(gauge.charge_for(10.0), None);
         assert_eq!(gauge.reach_m(0.25), None, "one percent may be rounding");
         // 60 m for a tenth of the charge; 0.80 − 0.25 are 330 m.
-        gauge.read(0.80, 60.0);
+        gauge.read(at(50), 0.80, 60.0);
         assert!((gauge.reach_m(0.25).unwrap() - 330.0).abs() < 1e-9);
         assert_eq!(gauge.reach_m(0.85), Some(0.0));
+        // A tenth in 50 s: 30 s take 0.06.
+        assert!((gauge.charge_for(30.0).unwrap() - 0.06).abs() < 1e-12);
         gauge.restart();
         assert_eq!(gauge.reach_m(0.25), None);
     }

@@ -29,6 +29,17 @@ pub struct Settings {
     pub return_after_lidar_lost: Duration,
     /// At the end of the way home without being over the pad for this long, it lands there.
     pub land_beside_pad_after: Duration,
+    /// The autopilot's place may differ this much from the own one, m.
+    pub max_disagreement_m: f64,
+    /// A larger difference must last this long before it counts.
+    pub disagrees_for: Duration,
+    /// Nearer than planned to something by more than this, m, it holds.
+    pub max_intrusion_m: f64,
+    /// Still too near after this long in a hold, it lands.
+    pub land_after_intrusion: Duration,
+    /// The way home is begun while the battery holds this many times what it takes, beside what
+    /// must be left for a landing.
+    pub way_home_factor: f64,
     /// No take-off with the heading further than this from the survey's, rad.
     pub max_heading_error_rad: f64,
 }
@@ -47,6 +58,11 @@ impl Default for Settings {
             recovered_after: Duration::from_secs(1),
             return_after_lidar_lost: Duration::from_secs(10),
             land_beside_pad_after: Duration::from_secs(10),
+            max_disagreement_m: 0.5,
+            disagrees_for: Duration::from_millis(500),
+            max_intrusion_m: 0.15,
+            land_after_intrusion: Duration::from_secs(3),
+            way_home_factor: 1.5,
             max_heading_error_rad: 0.4,
         }
     }
@@ -90,6 +106,12 @@ pub enum PreflightFault {
     /// The autopilot is in a failsafe.
     #[error("the autopilot reports a failsafe")]
     InFailsafe,
+    /// It fuses something else, or nothing.
+    #[error("the autopilot believes to be {metres:.1} m away: does it fuse the ODOMETRY?")]
+    Disagreement {
+        /// Its place against the own one, m.
+        metres: f64,
+    },
     /// It would turn right after take-off.
     #[error("the heading is {degrees:.0}° off the survey's: turn the vehicle on its pad")]
     Heading {
@@ -101,9 +123,9 @@ pub enum PreflightFault {
     NoPlan,
 }
 
-/// The first thing that forbids a take-off, if any.
-pub(super) fn preflight_fault(inputs: &Inputs, settings: &Settings) -> Option<PreflightFault> {
-    let Some(vehicle) = inputs.vehicle else { return Some(PreflightFault::NoAutopilot) };
+/// Everything that forbids a take-off, what to look at first in front.
+pub(super) fn preflight_faults(inputs: &Inputs, settings: &Settings) -> Vec<PreflightFault> {
+    let Some(vehicle) = inputs.vehicle else { return vec![PreflightFault::NoAutopilot] };
     let needed_percent = settings.min_take_off_battery_ratio * 100.0;
     let battery = match inputs.battery_ratio {
         None => Some(PreflightFault::BatteryUnknown),
@@ -114,6 +136,7 @@ pub(super) fn preflight_fault(inputs: &Inputs, settings: &Settings) -> Option<Pr
     };
     let heading_error_rad = inputs.heading_error_rad.unwrap_or(0.0);
     let heading = PreflightFault::Heading { degrees: heading_error_rad.to_degrees() };
+    let metres = inputs.disagreement_m.unwrap_or(0.0);
     let checks = [
         (inputs.is_autopilot_lost, PreflightFault::NoAutopilot),
         (!vehicle.is_ready, PreflightFault::NotReady),
@@ -122,9 +145,26 @@ pub(super) fn preflight_fault(inputs: &Inputs, settings: &Settings) -> Option<Pr
         (vehicle.is_armed, PreflightFault::ArmedAlready),
         (vehicle.landed != LandedState::OnGround, PreflightFault::NotOnGround),
         (!inputs.has_position, PreflightFault::NoPosition),
+        (metres > settings.max_disagreement_m, PreflightFault::Disagreement { metres }),
         (heading_error_rad.abs() > settings.max_heading_error_rad, heading),
         (!inputs.has_lidar, PreflightFault::NoLidar),
         (!inputs.has_plan, PreflightFault::NoPlan),
     ];
-    checks.into_iter().find(|(fails, _)| *fails).map(|(_, fault)| fault).or(battery)
+    let failing = checks.into_iter().filter(|(fails, _)| *fails).map(|(_, fault)| fault);
+    failing.chain(battery).collect()
+}
+
+/// What was measured before the start, for people.
+pub(super) fn preflight_line(inputs: &Inputs) -> String {
+    let or_unknown = |number: Option<String>| number.unwrap_or_else(|| "unknown".to_owned());
+    let battery = or_unknown(inputs.battery_ratio.map(|r| format!("{:.0} %", r * 100.0)));
+    let sigma = or_unknown(inputs.position_sigma_m.map(|s| format!("{:.0} cm", s * 100.0)));
+    let off = or_unknown(inputs.disagreement_m.map(|d| format!("{:.0} cm", d * 100.0)));
+    let heading =
+        or_unknown(inputs.heading_error_rad.map(|h| format!("{:.0} deg", h.to_degrees())));
+    let lidar = if inputs.has_lidar { "on" } else { "silent" };
+    format!(
+        "preflight: battery {battery}, position sigma {sigma}, autopilot off by {off}, \
+         heading off by {heading}, LiDAR {lidar}"
+    )
 }

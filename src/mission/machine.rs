@@ -1,7 +1,7 @@
 //! The transition machine.
 
 use super::Phase;
-use super::guards::{Settings, preflight_fault};
+use super::guards::{Settings, preflight_faults, preflight_line};
 use crate::messages::{
     FlightMode, LandedState, OperatorVerb, Severity, TAKE_OFF_HEIGHT_M, TakeOff, VehicleCommand,
     VehicleState,
@@ -32,6 +32,16 @@ pub struct Inputs {
     pub is_plan_complete: bool,
     /// Heading of the body against that of the survey, rad; `None` without a pose.
     pub heading_error_rad: Option<f64>,
+    /// Largest 1-σ of the own position, m.
+    pub position_sigma_m: Option<f64>,
+    /// Distance between where the autopilot and where the companion believes to be, m; `None`
+    /// while one of them does not know.
+    pub disagreement_m: Option<f64>,
+    /// By how much the vehicle is nearer to walls, ceiling, obstacles, fence or material than its
+    /// trajectory, beyond what is demanded there, m; 0 while it is not.
+    pub intrusion_m: f64,
+    /// Charge that the way home and the landing there will take, 0 to 1; `None` while unknown.
+    pub way_home_ratio: Option<f64>,
     /// Height of the body over where the flight began, m; `None` without a pose.
     pub height_over_home_m: Option<f64>,
     /// The present trajectory has come to its end, wherever the vehicle is.
@@ -71,6 +81,7 @@ enum HoldCause {
     Operator,
     FixLost,
     LidarLost,
+    TooNear,
 }
 
 /// The state of the mission.
@@ -89,6 +100,8 @@ pub struct Mission {
     lost_since: Option<Stamp<Mono>>,
     /// Since when the way home is flown without being there.
     stuck_since: Option<Stamp<Mono>>,
+    /// Since when the autopilot believes to be elsewhere.
+    disagrees_since: Option<Stamp<Mono>>,
     /// In this preflight the autopilot has followed the companion.
     was_companion: bool,
     /// In this preflight the companion has asked to arm.
@@ -117,6 +130,7 @@ impl Mission {
             recovered_since: None,
             lost_since: None,
             stuck_since: None,
+            disagrees_since: None,
             was_companion: false,
             has_asked_to_arm: false,
             is_complete: false,
@@ -177,6 +191,8 @@ impl Mission {
             (OperatorVerb::Return, Phase::TakeOff | Survey | Hold) if inputs.has_position => Return,
             (OperatorVerb::Return, Return | Land) | (OperatorVerb::Land, Land) => return true,
             (OperatorVerb::Land, Phase::TakeOff | Survey | Return | Hold) => Land,
+            // The companion came back to a vehicle that still waits for it in the air.
+            (OperatorVerb::Land, Idle) if is_left_flying(inputs) => Land,
             (_, Idle | Preflight | Phase::TakeOff | Survey | Return | Land | Hold | Abort) => {
                 return false;
             }
@@ -196,6 +212,9 @@ impl Mission {
             self.takes_off = vehicle.takes_off;
         }
         if self.yields_to_others(inputs, effects) {
+            return;
+        }
+        if self.lands_on_disagreement(inputs, effects) {
             return;
         }
         match self.phase {
@@ -250,18 +269,21 @@ impl Mission {
             self.enter(Phase::TakeOff, "armed", inputs.now, effects);
             return;
         }
-        let fault = preflight_fault(inputs, &self.settings);
+        let faults = preflight_faults(inputs, &self.settings);
         if waited > self.settings.preflight_timeout {
-            let reason = fault.map_or_else(
-                || "the autopilot refuses to arm".to_owned(),
-                |fault| fault.to_string(),
-            );
+            let reason = match faults.as_slice() {
+                [] => "the autopilot refuses to arm".to_owned(),
+                faults => faults.iter().map(ToString::to_string).collect::<Vec<_>>().join("; "),
+            };
             effects.push(Effect::Say(Severity::Error, format!("no take-off: {reason}")));
             self.enter(Phase::Idle, &reason, inputs.now, effects);
             return;
         }
-        if fault.is_some() || waited < self.settings.stream_before_mode {
+        if !faults.is_empty() || waited < self.settings.stream_before_mode {
             return;
+        }
+        if is_companion && !self.has_asked_to_arm {
+            effects.push(Effect::Say(Severity::Info, preflight_line(inputs)));
         }
         self.has_asked_to_arm |= is_companion;
         let command =
@@ -314,6 +336,7 @@ impl Mission {
     fn step_survey(&mut self, inputs: &Inputs, effects: &mut Vec<Effect>) {
         if self.holds_without_position(inputs, effects)
             || self.lands_on_battery(inputs, effects)
+            || self.holds_too_near(inputs, effects)
             || self.returns_on_battery(inputs, effects)
         {
             return;
@@ -330,7 +353,10 @@ impl Mission {
     }
 
     fn step_return(&mut self, inputs: &Inputs, effects: &mut Vec<Effect>) {
-        if self.holds_without_position(inputs, effects) || self.lands_on_battery(inputs, effects) {
+        if self.holds_without_position(inputs, effects)
+            || self.lands_on_battery(inputs, effects)
+            || self.holds_too_near(inputs, effects)
+        {
             return;
         }
         if inputs.is_at_target {
@@ -368,6 +394,7 @@ impl Mission {
             HoldCause::Operator => false,
             HoldCause::FixLost => true,
             HoldCause::LidarLost => inputs.has_lidar,
+            HoldCause::TooNear => inputs.intrusion_m <= 0.0,
         };
         if is_recovered {
             let since = *self.recovered_since.get_or_insert(inputs.now);
@@ -376,6 +403,13 @@ impl Mission {
             }
         } else {
             self.recovered_since = None;
+            if self.hold_cause == HoldCause::TooNear && waited > self.settings.land_after_intrusion
+            {
+                let text = "does not get clear: landing".to_owned();
+                effects.push(Effect::Say(Severity::Critical, text));
+                self.enter(Phase::Land, "too near to something", inputs.now, effects);
+                return;
+            }
             let is_lidar_gone = self.hold_cause == HoldCause::LidarLost;
             if is_lidar_gone && waited > self.settings.return_after_lidar_lost {
                 self.enter(Phase::Return, "LiDAR does not come back", inputs.now, effects);
@@ -411,10 +445,51 @@ impl Mission {
         true
     }
 
+    /// The autopilot flies by a place of its own: what it is asked for leads elsewhere, so it is
+    /// asked for no more than a landing. True if so.
+    fn lands_on_disagreement(&mut self, inputs: &Inputs, effects: &mut Vec<Effect>) -> bool {
+        let off_m = inputs.disagreement_m.filter(|off_m| *off_m > self.settings.max_disagreement_m);
+        let Some(off_m) = off_m.filter(|_| inputs.has_position) else {
+            self.disagrees_since = None;
+            return false;
+        };
+        let since = *self.disagrees_since.get_or_insert(inputs.now);
+        let is_flown = self.is_steering() && self.phase != Phase::Preflight;
+        if !is_flown || inputs.now.since(since) < self.settings.disagrees_for {
+            return false;
+        }
+        let text = format!("autopilot's position is {off_m:.1} m off: landing");
+        effects.push(Effect::Say(Severity::Critical, text));
+        self.enter(Phase::Land, "the autopilot believes to be elsewhere", inputs.now, effects);
+        true
+    }
+
+    fn holds_too_near(&mut self, inputs: &Inputs, effects: &mut Vec<Effect>) -> bool {
+        if inputs.intrusion_m <= self.settings.max_intrusion_m {
+            return false;
+        }
+        self.resume_to = self.phase;
+        self.hold_cause = HoldCause::TooNear;
+        let text = format!("{:.2} m too near to something: holding", inputs.intrusion_m);
+        effects.push(Effect::Say(Severity::Warning, text));
+        self.enter(Phase::Hold, "too near to something", inputs.now, effects);
+        true
+    }
+
+    /// Charge at which the way home must begin.
+    fn return_at_ratio(&self, inputs: &Inputs) -> f64 {
+        let way_home = inputs.way_home_ratio.unwrap_or(0.0);
+        let needed = self.settings.land_battery_ratio + self.settings.way_home_factor * way_home;
+        needed.max(self.settings.return_battery_ratio)
+    }
+
     fn returns_on_battery(&mut self, inputs: &Inputs, effects: &mut Vec<Effect>) -> bool {
         let reason = match inputs.battery_ratio {
             None => "battery unknown",
             Some(ratio) if ratio < self.settings.return_battery_ratio => "battery low",
+            Some(ratio) if ratio < self.return_at_ratio(inputs) => {
+                "battery just reaches for the way home"
+            }
             Some(_) => return false,
         };
         effects.push(Effect::Say(Severity::Warning, format!("{reason}: returning")));
@@ -461,6 +536,15 @@ impl Mission {
             self.ask(VehicleCommand::EnterLand, now, effects);
         }
     }
+}
+
+/// Armed in the air, in the companion's mode.
+fn is_left_flying(inputs: &Inputs) -> bool {
+    inputs.vehicle.is_some_and(|vehicle| {
+        vehicle.is_armed
+            && vehicle.mode == FlightMode::Companion
+            && vehicle.landed != LandedState::OnGround
+    })
 }
 
 #[cfg(test)]

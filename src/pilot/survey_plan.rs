@@ -5,6 +5,7 @@ use crate::mapping::Mapper;
 use crate::mapping::belief::CoarseField;
 use crate::mapping::projection::LidarMount;
 use crate::messages::{BudgetSource, VolumeAccount};
+use crate::planning::clearance::Clearance;
 use crate::planning::free_space::FreeSpace;
 use crate::planning::planner::{Belief, Plan, PlanEnd, PlanRequest};
 use crate::planning::way::{Demand, way_within};
@@ -118,6 +119,11 @@ impl SurveyPlan {
     /// True if the vehicle may be there.
     pub(super) fn is_free(&self, waypoint: &Waypoint) -> bool {
         self.free_space.is_free(waypoint)
+    }
+
+    /// What the vehicle keeps away from.
+    pub(super) fn clearance(&self) -> &Clearance {
+        self.free_space.clearance()
     }
 
     /// All waypoints are reached and no more will come.
@@ -327,20 +333,14 @@ impl SurveyPlan {
 /// Variance of the volume that no flight changes: calibration, markers, base. The density concerns
 /// tonnes only.
 fn constant_var_m6(account: &VolumeAccount) -> f64 {
-    let is_constant = |source: BudgetSource| match source {
-        BudgetSource::Prior
-        | BudgetSource::BeamNoise
-        | BudgetSource::Roughness
-        | BudgetSource::Occlusion
-        | BudgetSource::Pose
-        | BudgetSource::Density => false,
-        BudgetSource::LidarMounting
-        | BudgetSource::RangeBias
-        | BudgetSource::RangeScale
-        | BudgetSource::ClockOffset
-        | BudgetSource::MarkerMap
-        | BudgetSource::Base => true,
-    };
+    let constant = [
+        BudgetSource::LidarMounting,
+        BudgetSource::RangeBias,
+        BudgetSource::RangeScale,
+        BudgetSource::ClockOffset,
+        BudgetSource::MarkerMap,
+        BudgetSource::Base,
+    ];
     let rows = account.budget.rows.iter();
-    rows.filter(|row| is_constant(row.source)).map(|row| row.var_m6).sum()
+    rows.filter(|row| constant.contains(&row.source)).map(|row| row.var_m6).sum()
 }

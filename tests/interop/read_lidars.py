@@ -122,7 +122,6 @@ def main(program):
     # lds2d tells whole millimetres; its angles have the sensor's steps.
     for model, name in [
         ("rplidar-a1", "RPLIDAR-A1"),
-        ("rplidar-c1", "RPLIDAR-C1"),
         ("ld19", "LDROBOT-LD19"),
         ("ld06", "LDROBOT-LD06"),
         ("ydlidar-x4", "YDLIDAR-X4"),

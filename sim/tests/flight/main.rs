@@ -3,9 +3,11 @@
 #![expect(clippy::expect_used, reason = "a helper of tests stops where its premise fails")]
 
 mod external_planner;
+mod fault_cases;
 mod faults;
 mod hollows;
 mod merge;
+mod mode_switch;
 mod paper;
 mod parallel;
 mod support;

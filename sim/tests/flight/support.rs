@@ -77,7 +77,12 @@ impl Flight {
 
     /// A flight that has been in its survey for three seconds.
     pub(crate) fn in_survey(seed: u64) -> Self {
-        let mut flight = Self::new(&short_survey(seed, 30));
+        Self::in_survey_of(Flavour::Px4, seed)
+    }
+
+    /// The same under either autopilot.
+    pub(crate) fn in_survey_of(autopilot: Flavour, seed: u64) -> Self {
+        let mut flight = Self::new(&Scenario { autopilot, ..short_survey(seed, 30) });
         let is_there = flight.run_until(60.0, |f| f.phase() == Phase::Survey);
         assert!(is_there, "no survey: {:?} {:?}", flight.seen.changes, flight.direct.texts());
         flight.run(3.0);

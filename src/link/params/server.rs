@@ -19,7 +19,7 @@ pub struct Published {
 }
 
 /// Answers the parameter protocol.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(crate) struct ParamServer {
     params: Vec<Published>,
     /// The next one of a list that is under way.

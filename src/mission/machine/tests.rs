@@ -16,6 +16,10 @@ fn inputs(seconds: f64) -> Inputs {
         is_plan_done: false,
         is_plan_complete: true,
         heading_error_rad: Some(0.1),
+        position_sigma_m: Some(0.02),
+        disagreement_m: Some(0.05),
+        intrusion_m: 0.0,
+        way_home_ratio: None,
         height_over_home_m: Some(0.0),
         is_trajectory_over: false,
         is_at_target: false,
@@ -302,4 +306,99 @@ fn a_take_off_by_command_that_does_not_lift_lands() {
     assert_eq!(mission.phase(), Phase::TakeOff);
     assert!(mission.on_operator(OperatorVerb::Hold, &on_ground(4.0, true), &mut effects));
     assert_eq!(mission.phase(), Phase::Land);
+}
+
+#[test]
+fn an_autopilot_that_believes_to_be_elsewhere_is_told_to_land() {
+    let mut mission = surveying();
+    let mut effects = Vec::new();
+    let off = |seconds, metres| Inputs { disagreement_m: Some(metres), ..flying(seconds) };
+    // A moment of it, and what is below the bound, change nothing.
+    for (seconds, metres) in [(20.0, 0.6), (20.4, 0.6), (20.6, 0.4), (21.0, 0.6), (21.4, 3.0)] {
+        mission.step(&off(seconds, metres), &mut effects);
+        assert_eq!(mission.phase(), Phase::Survey, "{seconds} s");
+    }
+    mission.step(&off(21.5, 0.6), &mut effects);
+    assert_eq!(mission.phase(), Phase::Land);
+    assert_eq!(effects.last(), Some(&Effect::Command(VehicleCommand::EnterLand)));
+    // And before the start it is named with its measure.
+    let mut idle = Mission::new(Settings::default());
+    effects.clear();
+    let on_ground = |seconds| Inputs { disagreement_m: Some(1.24), ..inputs(seconds) };
+    idle.on_operator(OperatorVerb::Start, &on_ground(0.0), &mut effects);
+    idle.step(&on_ground(61.0), &mut effects);
+    let names = |e: &Effect| matches!(e, Effect::Say(_, text) if text.contains("1.2 m away"));
+    assert!(effects.iter().any(names), "{effects:?}");
+}
+
+#[test]
+fn too_near_to_something_holds_goes_on_when_clear_and_lands_when_not() {
+    for (is_clear_again, phase) in [(true, Phase::Survey), (false, Phase::Land)] {
+        let mut mission = surveying();
+        let mut effects = Vec::new();
+        let near = |seconds, intrusion_m| Inputs { intrusion_m, ..flying(seconds) };
+        mission.step(&near(20.0, 0.1), &mut effects);
+        assert_eq!(mission.phase(), Phase::Survey);
+        mission.step(&near(20.1, 0.2), &mut effects);
+        assert_eq!(mission.phase(), Phase::Hold);
+        let later_m = if is_clear_again { 0.0 } else { 0.2 };
+        for step in 1..=40 {
+            mission.step(&near(20.1 + 0.1 * f64::from(step), later_m), &mut effects);
+        }
+        assert_eq!(mission.phase(), phase);
+    }
+}
+
+#[test]
+fn the_way_home_begins_while_the_battery_reaches_for_it() {
+    let mut mission = surveying();
+    let mut effects = Vec::new();
+    let far = |seconds, battery, way_home| Inputs {
+        battery_ratio: Some(battery),
+        way_home_ratio: Some(way_home),
+        ..flying(seconds)
+    };
+    // 0.12 for the landing and 1.5 × 0.2 for the way: 0.42.
+    mission.step(&far(20.0, 0.43, 0.2), &mut effects);
+    assert_eq!(mission.phase(), Phase::Survey);
+    mission.step(&far(21.0, 0.41, 0.2), &mut effects);
+    assert_eq!(mission.phase(), Phase::Return);
+    let said = |e: &Effect| matches!(e, Effect::Say(_, text) if text.contains("way home"));
+    assert!(effects.iter().any(said), "{effects:?}");
+}
+
+#[test]
+fn a_companion_that_restarts_beside_a_flying_vehicle_does_nothing_but_land_it_when_asked() {
+    let mut mission = Mission::new(Settings::default());
+    let mut effects = Vec::new();
+    for second in 0..30 {
+        mission.step(&flying(f64::from(second)), &mut effects);
+    }
+    assert!(effects.is_empty(), "{effects:?}");
+    for verb in [OperatorVerb::Resume, OperatorVerb::Return, OperatorVerb::Hold] {
+        assert!(!mission.on_operator(verb, &flying(30.0), &mut effects));
+    }
+    assert!(mission.on_operator(OperatorVerb::Land, &flying(31.0), &mut effects));
+    assert_eq!(effects.last(), Some(&Effect::Command(VehicleCommand::EnterLand)));
+}
+
+#[test]
+fn the_preflight_tells_what_it_measured() {
+    let mut mission = Mission::new(Settings::default());
+    let mut effects = Vec::new();
+    mission.on_operator(OperatorVerb::Start, &inputs(0.0), &mut effects);
+    let ready = Inputs {
+        vehicle: Some(vehicle(false, FlightMode::Companion, LandedState::OnGround)),
+        ..inputs(4.0)
+    };
+    mission.step(&ready, &mut effects);
+    let said: Vec<&String> = effects
+        .iter()
+        .filter_map(|e| match e {
+            Effect::Say(_, text) => Some(text),
+            _ => None,
+        })
+        .collect();
+    let line = "preflight: battery 90 %, position sigma 2 cm, autopilot off by 5 cm, heading off by 6 deg, LiDAR on";
+    assert_eq!(said, [line]);
 }

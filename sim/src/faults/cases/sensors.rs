@@ -1,0 +1,228 @@
+//! What happens to markers, camera and LiDAR, and to the estimate that rests on them.
+
+use super::Lab;
+use crate::camera_faults::CameraFault;
+use crate::faults::bench::Bench;
+use crate::scenario::{Conditions, Lidar, Planner, Scenario, Surface};
+use crate::world::World;
+use anyhow::Context;
+use mavlink::dialects::ardupilotmega::MavCmd;
+use nalgebra::Vector3;
+use stockpilot::mission::Phase;
+
+/// Time from the last marker to the hold, s: 1.5 s until the fix counts as lost, and a tick.
+const HOLDS_WITHIN_S: f64 = 1.8;
+
+fn holds_then_lands(bench: &mut Bench, hold_within_s: f64) {
+    bench.safe_within(hold_within_s, "holds", |b| b.phase() == Phase::Hold);
+    let lands = bench.until(3.5, |b| b.phase() == Phase::Land);
+    bench.demand(lands, "lands after three seconds");
+    let is_down = bench.until(40.0, Bench::is_down);
+    bench.demand(is_down, "on the ground in the end");
+}
+
+pub(super) fn markers_lost(lab: &mut Lab) -> anyhow::Result<()> {
+    for gone_s in [0.5, 2.0, 10.0, 40.0] {
+        lab.fly(|bench| {
+            bench.survey();
+            bench.strike();
+            bench.flight.faults.is_camera_covered = true;
+            if gone_s < 1.0 {
+                bench.safe_already();
+                bench.run(gone_s);
+                bench.flight.faults.is_camera_covered = false;
+                bench.run(4.0);
+                bench.demand(bench.phases().is_empty(), "half a second is bridged");
+            } else if gone_s < 5.0 {
+                bench.safe_within(HOLDS_WITHIN_S, "holds", |b| b.phase() == Phase::Hold);
+                bench.run(gone_s - bench.since_s());
+                bench.flight.faults.is_camera_covered = false;
+                bench.run(4.0);
+                let phases = [Phase::Hold, Phase::Survey];
+                bench.demand(bench.phases() == phases, "holds, then goes on");
+            } else {
+                holds_then_lands(bench, HOLDS_WITHIN_S);
+            }
+        })?;
+    }
+    Ok(())
+}
+
+/// All markers move by this much: the place where the vehicle believes to be jumps.
+pub(super) fn jump(lab: &mut Lab, by_m: f64) -> anyhow::Result<()> {
+    lab.fly(|bench| {
+        bench.survey();
+        bench.tolerate(by_m + 1.2);
+        bench.strike();
+        // Against the view, or those ahead would vanish in their wall.
+        let yaw_rad = bench.flight.rig.vehicle().hall_from_body().rotation.yaw_rad();
+        let direction = -Vector3::new(yaw_rad.cos(), yaw_rad.sin(), 0.0);
+        bench.flight.rig.move_all_tags(&(direction * by_m));
+        let n_resets_before = bench.seen.reset_counters.len();
+        let mut fastest_mps = 0.0_f64;
+        for _ in 0..600 {
+            bench.step();
+            fastest_mps = fastest_mps.max(bench.speed_mps());
+        }
+        // Half as fast again as the survey; an autopilot that chases a far setpoint goes on to its own
+        // bound of 3 m/s and more.
+        bench.demand(fastest_mps < 3.0, &format!("lunges at {fastest_mps:.1} m/s after the jump"));
+        let n_resets = bench.seen.reset_counters.len() - n_resets_before;
+        if by_m > 0.3 {
+            bench.demand(n_resets == 1, "the jump is declared once");
+        }
+        bench.safe_within(6.0, "in the survey, or safe without it", |b| {
+            matches!(b.phase(), Phase::Survey | Phase::Hold | Phase::Land | Phase::Return)
+        });
+        // The hall itself did not move with its markers: no further.
+        bench.flight.operator_mut().ask(MavCmd::MAV_CMD_USER_5);
+        let is_down = bench.until(40.0, Bench::is_down);
+        bench.demand(is_down, "on the ground in the end");
+    })
+}
+
+pub(super) fn relocalisation(lab: &mut Lab) -> anyhow::Result<()> {
+    for by_m in [0.05, 0.5, 3.0] {
+        jump(lab, by_m)?;
+    }
+    Ok(())
+}
+
+pub(super) fn wrong_markers(lab: &mut Lab) -> anyhow::Result<()> {
+    let wrong = [
+        CameraFault::WrongId,
+        CameraFault::SwappedCorners,
+        CameraFault::MovedTag,
+        CameraFault::OutlierCorners,
+        CameraFault::PlanarFlip,
+    ];
+    for fault in wrong {
+        lab.fly(|bench| {
+            bench.survey();
+            bench.strike();
+            bench.safe_already();
+            bench.flight.faults.camera = Some(fault);
+            let mut worst_m = 0.0_f64;
+            for _ in 0..2_000 {
+                bench.step();
+                let is_flying_on = bench.phase() == Phase::Survey;
+                if let Some(estimate) = bench.flight.estimate().filter(|_| is_flying_on) {
+                    let truth = bench.flight.rig.vehicle().pose_at(estimate.at);
+                    let off_m = truth.map_or(0.0, |pose| {
+                        (pose.origin.coords - estimate.hall_from_body.origin.coords).norm()
+                    });
+                    worst_m = worst_m.max(off_m);
+                }
+            }
+            bench.demand(worst_m < 0.3, &format!("{fault:?}: {worst_m:.2} m off"));
+        })?;
+    }
+    Ok(())
+}
+
+pub(super) fn lidar_silent(lab: &mut Lab) -> anyhow::Result<()> {
+    lab.fly(|bench| {
+        bench.survey();
+        bench.strike();
+        bench.flight.faults.is_lidar_silent = true;
+        bench.safe_within(2.5, "holds", |b| b.phase() == Phase::Hold);
+        bench.run(5.0 - bench.since_s());
+        bench.flight.faults.is_lidar_silent = false;
+        let is_back = bench.until(3.0, |b| b.phase() == Phase::Survey);
+        bench.demand(is_back, "goes on");
+    })?;
+    lab.fly(|bench| {
+        bench.survey();
+        bench.strike();
+        bench.flight.faults.is_lidar_silent = true;
+        bench.safe_within(2.5, "holds", |b| b.phase() == Phase::Hold);
+        let is_down = bench.until(90.0, |b| b.is_down() && b.phase() == Phase::Idle);
+        bench.demand(is_down, "on the ground in the end");
+        let phases = [Phase::Hold, Phase::Return, Phase::Land, Phase::Idle];
+        bench.demand(bench.phases() == phases, "holds, returns, lands");
+    })
+}
+
+pub(super) fn camera_dead(lab: &mut Lab) -> anyhow::Result<()> {
+    lab.fly(|bench| {
+        bench.survey();
+        bench.strike();
+        bench.flight.faults.is_camera_dead = true;
+        holds_then_lands(bench, HOLDS_WITHIN_S);
+    })?;
+    lab.fly(|bench| {
+        bench.survey();
+        bench.strike();
+        bench.flight.faults.camera = Some(CameraFault::FrozenCamera);
+        // The picture must first be seen to stand while the vehicle moves.
+        holds_then_lands(bench, 4.0);
+    })
+}
+
+pub(super) fn late_detections(lab: &mut Lab) -> anyhow::Result<()> {
+    lab.fly(|bench| {
+        bench.survey();
+        bench.strike();
+        bench.safe_already();
+        // 50 to 800 ms, each frame another: they overtake each other.
+        bench.flight.faults.camera_delays_ms = &[50, 800, 200, 550, 100, 700];
+        bench.run(12.0);
+        bench.demand(bench.phases().is_empty(), "the survey goes on");
+    })?;
+    lab.fly(|bench| {
+        bench.survey();
+        bench.strike();
+        // Older than what the filter remembers.
+        bench.flight.faults.camera_delays_ms = &[1_500];
+        holds_then_lands(bench, HOLDS_WITHIN_S + 0.2);
+    })
+}
+
+pub(super) fn narrow_halls(lab: &mut Lab) -> anyhow::Result<()> {
+    let seed = lab.seed;
+    let worlds = [
+        World::columns(seed, 1.0).context("columns")?,
+        World::l_hall(seed, 1.0).context("l-hall")?,
+    ];
+    for world in worlds {
+        let scenario = Scenario {
+            world,
+            planner: Planner::SquareWave,
+            surface: Surface::KalmanGrid,
+            variance: None,
+            lidar: Lidar::Ld19,
+            autopilot: lab.flavour,
+            camera: crate::camera::CameraModel::ahead(),
+            n_steps: 40,
+            seed,
+            conditions: Conditions { leg_spacing_m: Some(5.0), ..Conditions::default() },
+        };
+        let bench = Bench::of(&scenario)?;
+        lab.fly_on(bench, |bench| {
+            bench.strike();
+            bench.safe_already();
+            let has_ended = bench.until(400.0, |b| b.flight.summary().is_some());
+            bench.demand(has_ended, "the survey ends");
+            bench.demand(bench.is_down(), "on the ground in the end");
+        });
+    }
+    Ok(())
+}
+
+pub(super) fn frames(lab: &mut Lab) -> anyhow::Result<()> {
+    lab.fly(|bench| {
+        bench.survey();
+        bench.strike();
+        bench.safe_already();
+        let (mut worst_m, mut worst_rad) = (0.0_f64, 0.0_f64);
+        for _ in 0..4_000 {
+            bench.step();
+            let truth = bench.flight.rig.vehicle().hall_from_body();
+            let (believed, _) = bench.flight.rig.autopilot().believed_motion();
+            worst_m = worst_m.max((believed.origin.coords - truth.origin.coords).norm());
+            worst_rad = worst_rad.max(believed.rotation.minus(&truth.rotation).norm());
+        }
+        bench.demand(worst_m < 0.4, &format!("the autopilot is {worst_m:.2} m off"));
+        bench.demand(worst_rad < 0.15, &format!("the autopilot is {worst_rad:.2} rad off"));
+    })
+}
