@@ -77,6 +77,8 @@ const LEAST_DISTURBED_M2: f64 = 0.5;
 /// The end of a trajectory counts as reached within this distance, m.
 const AT_TARGET_M: f64 = 0.3;
 
+/// Disagreements beyond this are told as this, m: squares of absurd places are no numbers.
+const FARTHEST_OFF_M: f64 = 10_000.0;
 /// An older word of the autopilot on its place is not compared with the own one.
 const DISAGREEMENT_OLD_AFTER: Duration = Duration::from_secs(1);
 /// After a declared jump further than this, m, the trajectory begins anew where the vehicle is.
@@ -377,7 +379,7 @@ impl Pilot {
     fn compare_with_autopilot(&mut self) {
         let Some(pose) = self.autopilot_pose else { return };
         if let Some((own, _)) = self.localizer.pose_at(pose.at) {
-            let off_m = (pose.position.coords - own.origin.coords).norm();
+            let off_m = (pose.position.coords - own.origin.coords).norm().min(FARTHEST_OFF_M);
             self.disagreement = Some((pose.at, off_m));
             self.autopilot_pose = None;
         }

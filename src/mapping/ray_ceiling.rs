@@ -35,7 +35,9 @@ struct TwoLowest {
 }
 
 impl TwoLowest {
-    const NONE: Self = Self { lowest_m: f32::INFINITY, lowest_turn: 0, next_m: f32::INFINITY };
+    /// Higher than any ray, and a number: what the brain hands out holds no infinity.
+    const NO_RAY_M: f32 = f32::MAX;
+    const NONE: Self = Self { lowest_m: Self::NO_RAY_M, lowest_turn: 0, next_m: Self::NO_RAY_M };
 
     const fn take(&mut self, height_m: f32, turn: u32) {
         if turn == self.lowest_turn {
@@ -111,7 +113,7 @@ impl RayCeiling {
     #[must_use]
     pub fn at_node_m(&self, node: usize) -> Option<f64> {
         let height_m = self.nodes[node].next_m;
-        height_m.is_finite().then(|| height_m.into())
+        (height_m < TwoLowest::NO_RAY_M).then(|| height_m.into())
     }
 }
 

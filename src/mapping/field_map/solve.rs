@@ -133,9 +133,8 @@ impl SolveField {
         let softness_m = at.ceiling_softness_m();
         // In flight the newest conditions are good enough, and are renewed for the next solve.
         let n_sweeps = if self.is_final { FINAL_SWEEPS } else { 1 };
-        let start = before.or(self.newest.as_deref());
-        let mut hidden = start.map_or_else(HiddenGround::default, |start| {
-            start.hidden.among(|node| ceiling_m(node).is_some())
+        let mut hidden = before.map_or_else(HiddenGround::default, |before| {
+            before.hidden.among(|node| ceiling_m(node).is_some())
         });
         let mut sweep = 1;
         loop {
