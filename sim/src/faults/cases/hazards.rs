@@ -41,6 +41,9 @@ fn gap_of_vision(bench: &mut Bench, keeps_origin: bool) -> f64 {
     for _ in 0..1_600 {
         bench.step();
         climb_m = climb_m.max(bench.place().z - height_m);
+        if bench.phase() == Phase::Land {
+            bench.safe_now();
+        }
     }
     climb_m
 }
