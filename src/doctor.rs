@@ -8,6 +8,7 @@
 
 mod examination;
 pub mod judge;
+mod parameters;
 mod ports;
 
 pub use examination::{Examination, Patience};

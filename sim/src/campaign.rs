@@ -271,6 +271,15 @@ impl DirectFlight {
         self.log.take().context("there is no log")?.close()
     }
 
+    /// True if the log, cut at this share of its bytes as they are on the disk now, holds the same
+    /// entries from the beginning on, and says that it was cut.
+    ///
+    /// # Errors
+    /// No log, or one that cannot be read.
+    pub fn log_cut_at(&self, share: f64) -> anyhow::Result<bool> {
+        self.log.as_ref().context("there is no log")?.is_prefix_when_cut_at(share)
+    }
+
     /// The brain's phase.
     #[must_use]
     pub const fn phase(&self) -> Phase {

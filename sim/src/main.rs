@@ -5,11 +5,12 @@ use std::num::NonZeroUsize;
 use std::ops::Range;
 use std::path::PathBuf;
 use std::process::ExitCode;
+use stockpilot::link::Address;
 use stockpilot::messages::Verdict;
 use stockpilot::pilot::{Action, PlanChoice};
 use stockpilot::survey::accounts_table;
 use stockpilot::time::{Mono, Stamp};
-use stockpilot_sim::autopilot_command::{self, AutopilotArgs};
+use stockpilot_sim::autopilot_command::{self, AutopilotArgs, GateAddress};
 use stockpilot_sim::camera::CameraArgs;
 use stockpilot_sim::campaign::{self, Witnessed};
 use stockpilot_sim::comparison::{self, ComparisonArgs};
@@ -21,6 +22,7 @@ use stockpilot_sim::paper::{self, PaperArgs};
 use stockpilot_sim::parallel::{n_cores, run_in_order};
 use stockpilot_sim::report::{CampaignReport, RunReport};
 use stockpilot_sim::scenario::ScenarioArgs;
+use stockpilot_sim::sitl::{self, SitlOptions, TruthAddress};
 
 /// Worlds, vehicle, sensors and autopilot that fly stockpilot on a laptop.
 #[derive(Debug, Parser)]
@@ -92,6 +94,33 @@ struct FlyArgs {
     /// 0 for a free one); the address is the first line of the output.
     #[arg(long, value_name = "ADDRESS")]
     ground: Option<String>,
+    /// Fly a PX4 or ArduPilot simulator that runs already instead of the stub, in real time: the
+    /// service's link to it, `udpin:HOST:PORT`, `udpout:HOST:PORT`, `tcpout:HOST:PORT` or
+    /// `serial:PATH:BAUD`.
+    #[arg(long, value_name = "ADDRESS", requires = "truth", conflicts_with = "ground")]
+    autopilot_link: Option<Address>,
+    /// Where that simulator tells its vehicle's true motion: `link` for the same link, or
+    /// `udpin:HOST:PORT`, `udpout:HOST:PORT`, `tcpout:HOST:PORT`.
+    #[arg(long, value_name = "ADDRESS", requires = "autopilot_link")]
+    truth: Option<TruthAddress>,
+    /// The simulator's link for a ground station, from which to say start; left out, your own ground
+    /// station does.
+    #[arg(long, value_name = "ADDRESS", requires = "autopilot_link")]
+    ground_link: Option<GateAddress>,
+    /// Sign the link with the key in this file (64 hexadecimal digits).
+    #[arg(long, value_name = "FILE", requires = "autopilot_link")]
+    signing_key: Option<PathBuf>,
+}
+
+impl FlyArgs {
+    fn options(&self) -> FlyOptions {
+        FlyOptions {
+            speed: self.speed,
+            directory: self.log.clone(),
+            shows_progress: true,
+            ground: self.ground.clone(),
+        }
+    }
 }
 
 fn main() -> anyhow::Result<ExitCode> {
@@ -118,13 +147,15 @@ fn run_fly(args: &FlyArgs) -> anyhow::Result<ExitCode> {
     anyhow::ensure!(args.speed > 0.0 && args.speed <= 100.0, "--speed is 0 to 100");
     let mut scenario = args.scenario.scenario(args.seed)?;
     args.camera.apply(&mut scenario.camera);
-    let options = FlyOptions {
-        speed: args.speed,
-        directory: args.log.clone(),
-        shows_progress: true,
-        ground: args.ground.clone(),
+    let run = match args.autopilot_link.clone().zip(args.truth.clone()) {
+        Some((link, truth)) => {
+            let (ground, signing_key) = (args.ground_link.clone(), args.signing_key.clone());
+            let directory = args.log.clone();
+            let options = SitlOptions { link, truth, ground, signing_key, directory };
+            sitl::run(&scenario, &options)?
+        }
+        None => fly::run(&scenario, &args.options())?,
     };
-    let run = fly::run(&scenario, &options)?;
     if args.json {
         println!("{}", serde_json::to_string(&run)?);
     } else {

@@ -191,7 +191,8 @@ impl Rig {
 /// The skin of solids that does not count as touched, m: the body rests on the floor.
 const SKIN_M: f64 = 0.03;
 
-fn is_solid(world: &World, p: &Point<Hall>) -> bool {
+/// True if a point lies inside anything of the hall, or outside of it.
+pub(crate) fn is_solid(world: &World, p: &Point<Hall>) -> bool {
     let (x, y, z) = (p.coords.x, p.coords.y, p.coords.z);
     let hall = &world.hall;
     let is_outside = !hall.footprint().contains(x, y) || z > crate::world::CEILING_M;

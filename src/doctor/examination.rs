@@ -39,6 +39,8 @@ pub struct Examination<'a> {
     pub config: Option<&'a Config>,
     /// Look at the LiDAR on this port only.
     pub port: Option<PathBuf>,
+    /// The autopilot's parameters must be those of this file.
+    pub params: Option<PathBuf>,
     /// How long to wait.
     pub patience: Patience,
     /// The clock that stamps everything.
@@ -120,6 +122,7 @@ impl Examination<'_> {
         let driver = Driver::start(lidar, move || clock.now(), scans_tx, &stop);
         let (camera_stats, listener_error) = self.listen(config, frames_tx, &stop).await;
         let address = link.address.to_string();
+        let link_settings = link.clone();
         let setup = ServiceSetup {
             pilot: Pilot::new(pilot),
             link,
@@ -160,6 +163,11 @@ impl Examination<'_> {
             && let Err(error) = service.join().await
         {
             tracing::error!(%error, "the examination's brain died");
+        }
+        // Only now is the link free.
+        if let Some(path) = &self.params {
+            let clock = self.clock.clone();
+            checks.extend(super::parameters::check(path, &link_settings, clock).await);
         }
         checks
     }

@@ -209,9 +209,9 @@ impl Bench {
     #[must_use]
     pub fn disagreement_m(&self) -> f64 {
         let (autopilot, _) = self.flight.rig.autopilot().believed_motion();
-        self.flight.estimate().map_or(0.0, |own| {
-            (autopilot.origin.coords - own.hall_from_body.origin.coords).norm()
-        })
+        self.flight
+            .estimate()
+            .map_or(0.0, |own| (autopilot.origin.coords - own.hall_from_body.origin.coords).norm())
     }
 
     /// The flight may stay as it is: it is safe already.

@@ -101,6 +101,23 @@ pub(super) fn hold_on_loss(lab: &mut Lab) -> anyhow::Result<()> {
     })
 }
 
+/// With PX4's own default nobody flies after the loss: it says that it cannot, and sinks blindly.
+pub(super) fn default_loss_action(lab: &mut Lab) -> anyhow::Result<()> {
+    lab.fly(|bench| {
+        if let Some(stub) = bench.autopilot().px4_mut() {
+            stub.params_mut().set("COM_OBL_RC_ACT", ParamValue::Int(0));
+        }
+        bench.survey();
+        bench.strike();
+        bench.flight.kill_companion();
+        bench.safe_within(2.0, "no setpoint flies it", |b| {
+            b.flight.rig.autopilot().mode_name() == "Position"
+        });
+        let is_down = bench.until(40.0, Bench::is_down);
+        bench.demand(is_down, "on the ground in the end");
+    })
+}
+
 pub(super) fn reentry(lab: &mut Lab) -> anyhow::Result<()> {
     lab.fly(|bench| {
         bench.survey();
