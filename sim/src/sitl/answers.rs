@@ -6,6 +6,7 @@ use anyhow::Context as _;
 use nalgebra::Vector3;
 use serde::Deserialize;
 use std::path::Path;
+use stockpilot::messages::state;
 use stockpilot::record::{LogItem, LogReader, Topic};
 use stockpilot::time::Stamp;
 
@@ -14,7 +15,8 @@ use stockpilot::time::Stamp;
 struct Claimed {
     at_ns: i64,
     hall_from_body: Pose,
-    error_cov: Vec<Vec<f64>>,
+    /// 15×15, row by row.
+    error_cov: Vec<f64>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -32,7 +34,7 @@ pub(super) fn judge(log: &Path, track: &TruthTrack) -> anyhow::Result<PoseJudge>
     for item in reader {
         let LogItem::Result { topic: Topic::Odometry, json, .. } = item else { continue };
         let claimed: Claimed = serde_json::from_slice(&json).context("a pose in the log")?;
-        let var = [0, 1, 2].map(|k| claimed.error_cov.get(k).and_then(|row| row.get(k)).copied());
+        let var = [0, 1, 2].map(|k| claimed.error_cov.get(k * (state::SIZE + 1)).copied());
         let truth = track.at(Stamp::from_nanos(claimed.at_ns));
         if let (Some(truth), [Some(x), Some(y), Some(z)]) = (truth, var) {
             let place = Vector3::from(claimed.hall_from_body.origin_m);

@@ -72,9 +72,11 @@ pub(super) async fn listen(
     listener: Listener,
     stop: CancellationToken,
 ) -> std::io::Result<Option<SocketAddr>> {
-    let mut gate = Gate::open(address, None, stop.clone()).await?;
+    let gate = Gate::open(address, None, stop.clone()).await?;
     let local = gate.local();
     tokio::spawn(stop.run_until_cancelled_owned(async move {
+        // The whole of it: the link ends when its other half is dropped.
+        let mut gate = gate;
         while let Some((_, message)) = gate.incoming.recv().await {
             listener.hear(&message);
         }
