@@ -4,6 +4,8 @@
 mod doctor;
 #[path = "main/params.rs"]
 mod params;
+#[path = "main/prior.rs"]
+mod prior;
 
 use anyhow::Context;
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -40,6 +42,8 @@ enum Command {
     Replay(ReplayArgs),
     /// One map of several logs: of cut-off flights, of several flights or vehicles.
     Merge(MergeArgs),
+    /// The likeliest numbers of the field for the material that these flights saw.
+    Prior(prior::PriorArgs),
     /// What has changed between two surveys of the same bays.
     Change(ChangeArgs),
     /// Where the vehicle may fly, and where one more marker would help most.
@@ -179,6 +183,7 @@ fn main() -> anyhow::Result<ExitCode> {
         Command::Run(args) => run(&args),
         Command::Replay(args) => run_replay(&args),
         Command::Merge(args) => run_merge(&args),
+        Command::Prior(args) => prior::run(&args),
         Command::Change(args) => run_change(&args),
         Command::Plan(args) => plan(&args),
         Command::Params(args) => params::run(&args),
