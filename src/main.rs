@@ -1,5 +1,7 @@
 //! The onboard program and its tools.
 
+#[path = "main/calibrate.rs"]
+mod calibrate;
 #[path = "main/doctor.rs"]
 mod doctor;
 #[path = "main/params.rs"]
@@ -44,6 +46,8 @@ enum Command {
     Merge(MergeArgs),
     /// The likeliest numbers of the field for the material that these flights saw.
     Prior(prior::PriorArgs),
+    /// What a flight says about the vehicle itself.
+    Calibrate(calibrate::CalibrateArgs),
     /// What has changed between two surveys of the same bays.
     Change(ChangeArgs),
     /// Where the vehicle may fly, and where one more marker would help most.
@@ -184,6 +188,7 @@ fn main() -> anyhow::Result<ExitCode> {
         Command::Replay(args) => run_replay(&args),
         Command::Merge(args) => run_merge(&args),
         Command::Prior(args) => prior::run(&args),
+        Command::Calibrate(args) => calibrate::run(&args),
         Command::Change(args) => run_change(&args),
         Command::Plan(args) => plan(&args),
         Command::Params(args) => params::run(&args),
