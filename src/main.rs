@@ -8,6 +8,8 @@ mod doctor;
 mod params;
 #[path = "main/prior.rs"]
 mod prior;
+#[path = "main/survey.rs"]
+mod survey;
 
 use anyhow::Context;
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -46,6 +48,8 @@ enum Command {
     Merge(MergeArgs),
     /// The likeliest numbers of the field for the material that these flights saw.
     Prior(prior::PriorArgs),
+    /// What a flight says about the hall.
+    Survey(survey::SurveyArgs),
     /// What a flight says about the vehicle itself.
     Calibrate(calibrate::CalibrateArgs),
     /// What has changed between two surveys of the same bays.
@@ -188,6 +192,7 @@ fn main() -> anyhow::Result<ExitCode> {
         Command::Replay(args) => run_replay(&args),
         Command::Merge(args) => run_merge(&args),
         Command::Prior(args) => prior::run(&args),
+        Command::Survey(args) => survey::run(&args),
         Command::Calibrate(args) => calibrate::run(&args),
         Command::Change(args) => run_change(&args),
         Command::Plan(args) => plan(&args),

@@ -12,12 +12,14 @@
 
 mod calibrate;
 mod compare;
+mod floor;
 mod learn;
 mod merge;
 mod table;
 
 pub use calibrate::{CalibrateError, MountOptions, calibrate_mount};
 pub use compare::{BayChange, ChangeReport, Origin, Survey, SurveyError, compare};
+pub use floor::{Floor, FloorError, FloorMemory, Learned, survey_floor};
 pub use learn::{FieldNumbers, LearnedPrior, learn_prior};
 pub use merge::{MergeLogsError, MergeOptions, MergedLog, MergedSurvey, merge_logs};
 pub use table::{AccountLine, accounts_table};
