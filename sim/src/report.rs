@@ -355,7 +355,7 @@ mod tests {
             surface: "kalman-grid",
             variance: None,
             draws_errors: false,
-            autopilot: scenario.autopilot.name(),
+            autopilot: "px4",
             lidar: "ld19",
             volume_true_m3: 100.0,
             volume_m3,

@@ -1,7 +1,13 @@
 //! The real service flies on an autopilot in another process, with a vehicle of its own: the stub as
 //! a program stands in for the simulators of PX4 and `ArduPilot`. In real time, about a minute.
 
-#![expect(clippy::unwrap_used, clippy::expect_used, reason = "tests may panic")]
+#![expect(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::print_stdout,
+    reason = "tests may panic, and tell what they flew"
+)]
 
 use std::io::{BufRead, BufReader, Lines};
 use std::path::Path;

@@ -78,7 +78,7 @@ mod tests {
     fn each_wrong_parameter_has_a_line_with_its_cure() {
         let file = ParamFile::parse("EKF2_EV_CTRL 15\nEKF2_HGT_REF 3\n").unwrap();
         let has = |ev_ctrl| {
-            let found = [(Kind::Int32, Value::Int(ev_ctrl)), (Kind::Int32, Value::Int(3))];
+            let found = [(Kind::Int32, Value::Whole(ev_ctrl)), (Kind::Int32, Value::Whole(3))];
             std::iter::zip(&file.lines, found).map(|(l, f)| compare(l, Some(f))).collect::<Vec<_>>()
         };
         let checks = judge(&has(0), Path::new("indoor.params"));

@@ -88,7 +88,7 @@ async fn fly(scenario: &Scenario, options: &SitlOptions) -> anyhow::Result<RunRe
     let sensors = Sensors::new(scenario, clock.now())?;
     let config = configured(scenario, options, &sensors)?;
     let around = Surroundings { clock: clock.clone(), stop: stop.clone(), waits_for_disk: false };
-    let onboard = Onboard::start(&config, around).await?;
+    let onboard = Box::pin(Onboard::start(&config, around)).await?;
     let log = onboard.log().to_owned();
     std::fs::write(log.with_extension("toml"), config.to_toml()?).context("the configuration")?;
     let (listener, truths) = Listener::new(clock.clone());
