@@ -118,8 +118,8 @@ mod tests {
         let data = SIM_STATE_DATA {
             q1: 1.0,
             // What the firmware puts here: 1e-7° in single precision.
-            lat: -353_632_620.0,
-            lon: 1_491_652_370.0,
+            lat: -353_632_608.0,
+            lon: 1_491_652_352.0,
             alt: 584.09,
             vn: 1.0,
             vd: 0.5,
