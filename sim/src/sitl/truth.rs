@@ -117,9 +117,9 @@ mod tests {
     fn ardupilots_whole_degrees_are_read_and_demanded() {
         let data = SIM_STATE_DATA {
             q1: 1.0,
-            // What the firmware puts here: 1e-7° in single precision.
-            lat: -353_632_608.0,
-            lon: 1_491_652_352.0,
+            // The firmware puts 1e-7° in single precision here: not to be read.
+            lat: 1.0,
+            lon: 2.0,
             alt: 584.09,
             vn: 1.0,
             vd: 0.5,
