@@ -14,9 +14,11 @@
 //! | 6 | [`pilot`] | the brain: one event in, actions out, no I/O |
 //! | 7 | `link`, `lidar`, `camera`, `record` | feature `service`: the edges |
 //! | 7 | `figure` | feature `figures`, part of `service`: pictures of maps and curves |
+//! | 7 | `pdf`, `export` | pages in millimetres; maps and point clouds as files |
 //! | 8 | `config` | the file, checked and turned into the settings of all of them |
 //! | 9 | `service`, `survey` | tasks, clock, supervision; after the flight: merged maps, changes |
 //! | 10 | `doctor` | before the flight: what is connected, judged, with cures |
+//! | 10 | `report` | after the flight: what it came to, for people and their programs |
 
 pub mod units;
 
@@ -40,12 +42,16 @@ pub mod pilot;
 pub mod camera;
 #[cfg(feature = "service")]
 pub mod config;
+#[cfg(feature = "service")]
+pub mod export;
 #[cfg(feature = "figures")]
 pub mod figure;
 #[cfg(feature = "service")]
 pub mod lidar;
 #[cfg(feature = "service")]
 pub mod link;
+#[cfg(feature = "service")]
+pub mod pdf;
 #[cfg(feature = "service")]
 pub mod record;
 
@@ -56,3 +62,5 @@ pub mod survey;
 
 #[cfg(feature = "service")]
 pub mod doctor;
+#[cfg(feature = "service")]
+pub mod report;

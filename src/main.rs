@@ -4,6 +4,8 @@
 mod doctor;
 #[path = "main/params.rs"]
 mod params;
+#[path = "main/report.rs"]
+mod report;
 
 use anyhow::Context;
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -42,6 +44,8 @@ enum Command {
     Merge(MergeArgs),
     /// What has changed between two surveys of the same bays.
     Change(ChangeArgs),
+    /// The files for people: PDF, HTML, JSON, CSV, maps and point clouds.
+    Report(report::ReportArgs),
     /// Where the vehicle may fly, and where one more marker would help most.
     Plan(PlanArgs),
     /// The autopilot's parameters beside a file's.
@@ -180,6 +184,7 @@ fn main() -> anyhow::Result<ExitCode> {
         Command::Replay(args) => run_replay(&args),
         Command::Merge(args) => run_merge(&args),
         Command::Change(args) => run_change(&args),
+        Command::Report(args) => report::run(&args),
         Command::Plan(args) => plan(&args),
         Command::Params(args) => params::run(&args),
         Command::Doctor(args) => doctor::run(&args),

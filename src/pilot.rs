@@ -269,6 +269,11 @@ impl Pilot {
         &self.mapper
     }
 
+    /// Keeps every hit that changes the map, for reports: see [`Mapper::keep_hits`].
+    pub fn keep_hits(&mut self) {
+        self.mapper.keep_hits();
+    }
+
     /// The newest belief of the localisation, whether it can be flown on or not.
     #[must_use]
     pub fn estimate(&self) -> Option<NavEstimate> {

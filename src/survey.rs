@@ -3,15 +3,18 @@
 //!
 //! ```text
 //! LOG LOG … ─ events ─▶ turns ─▶ mapping::merge ─▶ one solve ─▶ volumes ─▶ table, JSON, new log
+//! LOG ─ flown again ─▶ Flight: volumes, surface, hits, path ─▶ report, exports
 //! EARLIER, LATER ─ recorded volumes ─▶ mapping::change ─▶ Δ ± U, verdict
 //! ```
 //!
 //! Not done here: the mathematics (`mapping`), and reading files (`record`, `config`).
 
 mod compare;
+mod flight;
 mod merge;
 mod table;
 
 pub use compare::{BayChange, ChangeReport, Origin, Survey, SurveyError, compare};
+pub use flight::{FixStatistics, Flight, Reproduction};
 pub use merge::{MergeLogsError, MergeOptions, MergedLog, MergedSurvey, merge_logs};
 pub use table::{AccountLine, accounts_table};

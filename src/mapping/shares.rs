@@ -9,6 +9,19 @@ use std::collections::VecDeque;
 /// half of it a height is still correlated by 0.45 (ν = 1).
 const INTERPOLATED_RANGES: f64 = 0.5;
 
+/// What the height of a cell rests on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum CellState {
+    /// A beam has hit it.
+    Measured,
+    /// It lies near cells that were hit.
+    Interpolated,
+    /// Nothing was seen there.
+    Unseen,
+    /// Something has moved there since its ground was last seen.
+    Disturbed,
+}
+
 /// Cells that a beam has hit, and how far the others are from one.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SeenCells {
@@ -71,24 +84,31 @@ impl SeenCells {
         }
     }
 
+    /// What each cell rests on, in the order of the grid.
+    #[must_use]
+    pub fn states(&self, range_m: f64) -> Vec<CellState> {
+        (0..self.steps.len()).map(|cell| self.state(cell, range_m)).collect()
+    }
+
     fn sums(&self, areas_m2: &[f64], weight: impl Fn(usize) -> f64, range_m: f64) -> [f64; 4] {
         let mut sums = [0.0; 4];
         for (cell, area_m2) in areas_m2.iter().enumerate() {
-            sums[self.state(cell, range_m)] += area_m2 * weight(cell);
+            sums[self.state(cell, range_m) as usize] += area_m2 * weight(cell);
         }
         sums
     }
 
-    /// 0: measured, 1: interpolated, 2: unseen, 3: disturbed.
-    fn state(&self, cell: usize, range_m: f64) -> usize {
+    fn state(&self, cell: usize, range_m: f64) -> CellState {
         if self.disturbed.contains(cell) {
-            return 3;
+            return CellState::Disturbed;
         }
         match self.steps[cell] {
-            0 => 0,
-            u32::MAX => 2,
-            steps if f64::from(steps) * self.cell_m <= INTERPOLATED_RANGES * range_m => 1,
-            _ => 2,
+            0 => CellState::Measured,
+            u32::MAX => CellState::Unseen,
+            steps if f64::from(steps) * self.cell_m <= INTERPOLATED_RANGES * range_m => {
+                CellState::Interpolated
+            }
+            _ => CellState::Unseen,
         }
     }
 }
@@ -118,6 +138,10 @@ mod tests {
         let by_volume = seen.shares(&areas_m2, &thickness_m, 2.0);
         assert!((by_volume.measured_ratio - 0.5).abs() < 1e-12);
         assert!((by_volume.unseen_ratio - 4.0 / 12.0).abs() < 1e-12);
+        use CellState::{Interpolated, Measured, Unseen};
+        let states = seen.states(2.0);
+        assert_eq!(states[..4], [Measured, Measured, Interpolated, Interpolated]);
+        assert_eq!(states[4..], [Unseen; 5]);
     }
 
     #[test]

@@ -3,8 +3,9 @@
 use super::reader::{LogItem, LogReader};
 use super::replay::ReplayError;
 use super::topic::Topic;
-use super::twin::AccountsTwin;
-use crate::messages::VolumeAccount;
+use super::twin::{AccountsTwin, SurfaceTwin};
+use crate::messages::{HeightMap, VolumeAccount};
+use serde::Deserialize;
 use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
@@ -16,6 +17,8 @@ pub struct LoggedAccounts {
     pub config_toml: String,
     /// The whole region first, then its bays; empty if nothing was measured.
     pub accounts: Vec<VolumeAccount>,
+    /// The newest surface.
+    pub surface: Option<HeightMap>,
     /// They are the result after a landing, not of a flight under way.
     pub is_final: bool,
     /// The log has its proper end and no gap.
@@ -32,6 +35,7 @@ pub fn read_accounts(log: &Path) -> Result<LoggedAccounts, ReplayError> {
         return Err(ReplayError::NoConfig { damage: reader.damage().map(str::to_owned) });
     };
     let mut newest = None;
+    let mut surface = None;
     let mut is_final = false;
     for item in reader.by_ref() {
         match item {
@@ -39,6 +43,7 @@ pub fn read_accounts(log: &Path) -> Result<LoggedAccounts, ReplayError> {
                 newest = Some(json);
                 is_final = false;
             }
+            LogItem::Result { topic: Topic::Surface, json, .. } => surface = Some(json),
             LogItem::Result { topic: Topic::Ended, .. } => is_final = newest.is_some(),
             _ => {}
         }
@@ -46,5 +51,15 @@ pub fn read_accounts(log: &Path) -> Result<LoggedAccounts, ReplayError> {
     let accounts = newest.map_or(Ok(Vec::new()), |json| {
         serde_json::from_slice::<AccountsTwin>(&json).map(AccountsTwin::into_accounts)
     })?;
-    Ok(LoggedAccounts { config_toml, accounts, is_final, is_complete: reader.is_complete() })
+    let surface = surface.map(|json| read_surface(&json)).transpose()?;
+    let is_complete = reader.is_complete();
+    Ok(LoggedAccounts { config_toml, accounts, surface, is_final, is_complete })
+}
+
+#[derive(Deserialize)]
+struct SurfaceItem(#[serde(with = "SurfaceTwin")] HeightMap);
+
+/// A surface as the log holds it.
+pub(super) fn read_surface(json: &[u8]) -> serde_json::Result<HeightMap> {
+    serde_json::from_slice::<SurfaceItem>(json).map(|item| item.0)
 }

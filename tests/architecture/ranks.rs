@@ -3,7 +3,7 @@
 use std::ops::RangeInclusive;
 
 /// Modules of `stockpilot` with their ranks; a module names lower ranks only.
-const RANKS: [(&str, u8); 21] = [
+const RANKS: [(&str, u8); 25] = [
     ("units", 0),
     ("time", 0),
     ("geometry", 1),
@@ -19,13 +19,17 @@ const RANKS: [(&str, u8); 21] = [
     ("camera", 7),
     ("record", 7),
     ("web", 7),
-    ("report", 7),
     ("figure", 7),
+    ("pdf", 7),
+    ("export", 7),
     // The file twins of the settings of rank 7 are converted there.
     ("config", 8),
     ("service", 9),
     ("survey", 9),
     ("doctor", 10),
+    ("report", 10),
+    ("books", 10),
+    ("audit", 11),
 ];
 
 /// Ranks that do no I/O.
