@@ -19,6 +19,8 @@
 //! | 9 | `service`, `survey` | tasks, clock, supervision; after the flight: merged maps, changes |
 //! | 10 | `doctor` | before the flight: what is connected, judged, with cures |
 //! | 10 | `report` | after the flight: what it came to, for people and their programs |
+//! | 10 | `inventory` | the books of a hall: its surveys in one file |
+//! | 11 | `audit` | packs that others can compute again |
 
 pub mod units;
 
@@ -63,4 +65,9 @@ pub mod survey;
 #[cfg(feature = "service")]
 pub mod doctor;
 #[cfg(feature = "service")]
+pub mod inventory;
+#[cfg(feature = "service")]
 pub mod report;
+
+#[cfg(feature = "service")]
+pub mod audit;

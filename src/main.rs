@@ -1,7 +1,11 @@
 //! The onboard program and its tools.
 
+#[path = "main/audit.rs"]
+mod audit;
 #[path = "main/doctor.rs"]
 mod doctor;
+#[path = "main/inventory.rs"]
+mod inventory;
 #[path = "main/params.rs"]
 mod params;
 #[path = "main/report.rs"]
@@ -46,6 +50,10 @@ enum Command {
     Change(ChangeArgs),
     /// The files for people: PDF, HTML, JSON, CSV, maps and point clouds.
     Report(report::ReportArgs),
+    /// Packs with all that somebody needs to compute a survey again, signed.
+    Audit(audit::AuditArgs),
+    /// The books of halls: what was in each bay, survey by survey.
+    Inventory(inventory::InventoryArgs),
     /// Where the vehicle may fly, and where one more marker would help most.
     Plan(PlanArgs),
     /// The autopilot's parameters beside a file's.
@@ -185,6 +193,8 @@ fn main() -> anyhow::Result<ExitCode> {
         Command::Merge(args) => run_merge(&args),
         Command::Change(args) => run_change(&args),
         Command::Report(args) => report::run(&args),
+        Command::Audit(args) => audit::run(&args),
+        Command::Inventory(args) => inventory::run(&args),
         Command::Plan(args) => plan(&args),
         Command::Params(args) => params::run(&args),
         Command::Doctor(args) => doctor::run(&args),

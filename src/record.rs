@@ -31,7 +31,9 @@ mod twin;
 mod view;
 mod writer;
 
-pub use accounts::{LoggedAccounts, read_accounts};
+pub use accounts::{
+    LogTimes, LoggedAccounts, accounts_from_json, accounts_to_json, read_accounts, read_times,
+};
 pub use again::{FlownAgain, LoggedVolumes, Watcher, fly_again};
 pub use build::build_identity;
 pub use entry::RecordedEvent;

@@ -16,6 +16,7 @@ mod compose;
 mod content;
 mod data;
 mod facts;
+mod files;
 mod html;
 mod method;
 mod pages;
@@ -26,13 +27,15 @@ mod words;
 pub use books::{Amount, BookDifference, BookEntry, BookError, read_books};
 pub use data::{ReportData, SCHEMA};
 pub use facts::{BayFacts, Facts, Wishes};
+pub use files::{ReportFile, SUMS, report_files, write_files};
 pub use verdict::{Target, Verdict};
 
+use crate::export::ExportError;
 use crate::figure::FigureError;
 use crate::mapping::statement::StatementError;
 use crate::pdf::PdfError;
 use crate::survey::SurveyError;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Why there is no report.
 #[derive(Debug, thiserror::Error)]
@@ -49,6 +52,9 @@ pub enum ReportError {
     /// A picture cannot be drawn.
     #[error(transparent)]
     Figure(#[from] FigureError),
+    /// A map or a point cloud cannot be made.
+    #[error(transparent)]
+    Export(#[from] ExportError),
     /// The PDF cannot be made.
     #[error(transparent)]
     Pdf(#[from] PdfError),
@@ -82,9 +88,6 @@ pub struct Report {
 }
 
 impl Report {
-    /// The names of the files, in the order of [`Self::write`].
-    pub const FILES: [&'static str; 4] = ["report.pdf", "report.html", "report.json", "report.csv"];
-
     /// Makes a report of facts; `log_sha256` names the log.
     ///
     /// # Errors
@@ -101,16 +104,14 @@ impl Report {
         })
     }
 
-    /// Writes all forms into a folder, which must exist; files of the same names are replaced.
-    ///
-    /// # Errors
-    /// A file that cannot be written.
-    pub fn write(&self, folder: &Path) -> Result<(), ReportError> {
-        let forms = [&self.pdf[..], self.html.as_bytes(), self.json.as_bytes(), &self.csv[..]];
-        for (name, bytes) in std::iter::zip(Self::FILES, forms) {
-            let path = folder.join(name);
-            std::fs::write(&path, bytes).map_err(|source| ReportError::File { path, source })?;
-        }
-        Ok(())
+    /// Its forms as files.
+    #[must_use]
+    pub fn into_files(self) -> Vec<ReportFile> {
+        vec![
+            ReportFile { name: "report.pdf", bytes: self.pdf },
+            ReportFile { name: "report.html", bytes: self.html.into_bytes() },
+            ReportFile { name: "report.json", bytes: self.json.into_bytes() },
+            ReportFile { name: "report.csv", bytes: self.csv },
+        ]
     }
 }

@@ -36,7 +36,9 @@ impl ClassMap {
     }
 
     fn ink_of(&self, value: f64) -> Option<Ink> {
-        let is_it = |(index, _): &(usize, _)| u32::try_from(*index).is_ok_and(|k| f64::from(k).to_bits() == value.to_bits());
+        let is_it = |(index, _): &(usize, _)| {
+            u32::try_from(*index).is_ok_and(|k| f64::from(k).to_bits() == value.to_bits())
+        };
         self.classes.iter().enumerate().find(is_it).map(|(_, (_, ink))| *ink)
     }
 

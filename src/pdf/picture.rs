@@ -79,10 +79,9 @@ fn draw_path(surface: &mut Surface<'_>, path: &usvg::Path) {
                 usvg::LineJoin::Miter | usvg::LineJoin::MiterClip => LineJoin::Miter,
             },
             opacity: share(stroke.opacity().get()),
-            dash: stroke.dasharray().map(|array| StrokeDash {
-                array: array.to_vec(),
-                offset: stroke.dashoffset(),
-            }),
+            dash: stroke
+                .dasharray()
+                .map(|array| StrokeDash { array: array.to_vec(), offset: stroke.dashoffset() }),
         })
     }));
     surface.draw_path(&outline);

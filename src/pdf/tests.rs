@@ -16,7 +16,12 @@ fn document(draw: impl FnOnce(&mut Page<'_, '_>)) -> Vec<u8> {
 #[test]
 fn equal_pages_give_equal_bytes() {
     let draw = |page: &mut Page<'_, '_>| {
-        page.text("V = 412.6 m³ ± 5.0 m³", [20.0, 30.0], Style::semi_bold(12.0, Ink::BLACK), Hold::Left);
+        page.text(
+            "V = 412.6 m³ ± 5.0 m³",
+            [20.0, 30.0],
+            Style::semi_bold(12.0, Ink::BLACK),
+            Hold::Left,
+        );
         page.area([20.0, 40.0], (50.0, 5.0), Ink(0, 114, 178));
     };
     let (one, other) = (document(draw), document(draw));

@@ -118,9 +118,11 @@ impl Typeface {
         if missing.is_empty() {
             return shaped;
         }
-        let known = text.char_indices().map(|(at, letter)| {
-            if missing.contains(&at) { UNKNOWN } else { letter }
-        });
+        let known = text.char_indices().map(
+            |(at, letter)| {
+                if missing.contains(&at) { UNKNOWN } else { letter }
+            },
+        );
         self.shaped_as_is(Cow::Owned(known.collect()))
     }
 

@@ -63,3 +63,42 @@ struct SurfaceItem(#[serde(with = "SurfaceTwin")] HeightMap);
 pub(super) fn read_surface(json: &[u8]) -> serde_json::Result<HeightMap> {
     serde_json::from_slice::<SurfaceItem>(json).map(|item| item.0)
 }
+
+/// What the head of a log says of it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct LogTimes {
+    /// When it began, RFC 3339 in UTC, if that was noted.
+    pub started_utc: Option<String>,
+    /// Version of the program that wrote it.
+    pub version: String,
+    /// Build of that program.
+    pub build: String,
+}
+
+/// Reads the head of a log.
+///
+/// # Errors
+/// The log cannot be opened or holds no configuration.
+pub fn read_times(log: &Path) -> Result<LogTimes, ReplayError> {
+    let mut reader = LogReader::<BufReader<File>>::open(log)?;
+    let Some(LogItem::Config { version, build, .. }) = reader.next() else {
+        return Err(ReplayError::NoConfig { damage: reader.damage().map(str::to_owned) });
+    };
+    Ok(LogTimes { started_utc: reader.notes().get("started_utc").cloned(), version, build })
+}
+
+/// Accounts in the form of the log's channel `/result/accounts`; numbers come back to the last bit.
+///
+/// # Errors
+/// None but by a defect.
+pub fn accounts_to_json(accounts: &[VolumeAccount]) -> serde_json::Result<String> {
+    serde_json::to_string(&AccountsTwin::from(accounts))
+}
+
+/// Reads what [`accounts_to_json`] has written.
+///
+/// # Errors
+/// A text that is no such accounts.
+pub fn accounts_from_json(json: &str) -> serde_json::Result<Vec<VolumeAccount>> {
+    serde_json::from_str::<AccountsTwin>(json).map(AccountsTwin::into_accounts)
+}

@@ -5,11 +5,11 @@
 //! build: it tells whether the newest volumes and surface come out as they were recorded, to the last
 //! bit.
 
+use super::accounts::read_surface;
 use super::entry::encode_action;
 use super::reader::{LogItem, LogReader};
 use super::replay::ReplayError;
 use super::topic::Topic;
-use super::accounts::read_surface;
 use super::twin::AccountsTwin;
 use crate::messages::{HeightMap, VolumeAccount};
 use crate::pilot::{Action, Event, Job, JobId, Pilot};

@@ -102,7 +102,11 @@ impl BookEntry {
 
     fn checked(self) -> Result<Self, BookError> {
         let (Amount::VolumeM3(value) | Amount::MassT(value)) = self.amount;
-        if value.is_finite() { Ok(self) } else { Err(BookError::BadAmount { bay: self.bay, value }) }
+        if value.is_finite() {
+            Ok(self)
+        } else {
+            Err(BookError::BadAmount { bay: self.bay, value })
+        }
     }
 }
 
@@ -246,7 +250,11 @@ mod tests {
         for bad in ["salt", "salt=660", "salt=t", "salt=nant", "salt=infm3"] {
             assert!(bad.parse::<BookEntry>().is_err(), "{bad}");
         }
-        for bad in ["bay,volume_m3,mass_t\nsalt,1,2\n", "bay,volume_m3,mass_t\nsalt,,\n", "bay,tons\nsalt,1\n"] {
+        for bad in [
+            "bay,volume_m3,mass_t\nsalt,1,2\n",
+            "bay,volume_m3,mass_t\nsalt,,\n",
+            "bay,tons\nsalt,1\n",
+        ] {
             std::fs::write(&path, bad).expect("a file");
             assert!(read_books(&path).is_err(), "{bad}");
         }

@@ -1,15 +1,16 @@
 //! From facts to what people read.
 
 use super::ReportError;
+use super::books::BookDifference;
 use super::content::{Bars, Column, Content, Headline, Part, Table, Tone};
 use super::facts::{BayFacts, Facts};
 use super::{method, pictures, words};
-use crate::mapping::statement::Statement;
-use crate::messages::BudgetSource;
+use crate::messages::{BudgetRow, BudgetSource};
 use crate::survey::Origin;
 
 /// What stands below every page.
-const FOOTER: &str = "Not a legal-for-trade measurement. U: expanded uncertainty, k = 2, about 95 %.";
+const FOOTER: &str =
+    "Not a legal-for-trade measurement. U: expanded uncertainty, k = 2, about 95 %.";
 
 /// The whole report; `log_sha256` names the log.
 pub(super) fn content(facts: &Facts, log_sha256: &str) -> Result<Content, ReportError> {
@@ -18,7 +19,6 @@ pub(super) fn content(facts: &Facts, log_sha256: &str) -> Result<Content, Report
     parts.extend(picture_pages(facts)?);
     parts.push(Part::NewPage);
     parts.extend(budget(facts)?);
-    parts.push(Part::NewPage);
     parts.extend(method::parts(facts, log_sha256));
     Ok(Content {
         title: facts.wishes.site.clone().unwrap_or_else(|| "Stockpile survey".to_owned()),
@@ -43,10 +43,8 @@ fn front(facts: &Facts) -> Result<Vec<Part>, ReportError> {
     parts.push(Part::Bars(shares(facts)));
     parts.push(Part::Heading("What it lies on".to_owned()));
     parts.push(Part::Table(bases(facts)));
-    parts.push(Part::Heading("Since the last survey".to_owned()));
-    parts.extend(changes(facts));
-    parts.push(Part::Heading("Against the books".to_owned()));
-    parts.push(books(facts));
+    parts.push(Part::Heading("Since the last survey, and against the books".to_owned()));
+    parts.extend(differences(facts));
     let remarks = remarks(facts);
     if !remarks.is_empty() {
         parts.push(Part::Heading("Remarks".to_owned()));
@@ -120,91 +118,101 @@ fn bases(facts: &Facts) -> Table {
     }
 }
 
-fn changes(facts: &Facts) -> Vec<Part> {
-    let (Some(report), Some(earlier)) = (&facts.changes, &facts.wishes.against) else {
-        return vec![Part::Text("No earlier survey was given.".to_owned())];
-    };
+/// The change since the earlier survey and the difference from the books, side by side.
+fn differences(facts: &Facts) -> Vec<Part> {
+    let has_any = |bay: &&BayFacts| bay.change.is_some() || bay.book.is_some();
+    let none = || "–".to_owned();
     let row = |bay: &BayFacts| {
-        let change = bay.change.as_ref()?;
-        let stated = change.change.statement().map_or_else(|e| e.to_string(), |s| words::amounts(&s));
-        let mass = change.mass.map_or_else(
-            || "–".to_owned(),
-            |mass| {
-                let stated = Statement::of_mass(mass.mass_t, mass.sigma_t);
-                stated.map_or_else(|e| e.to_string(), |s| words::amounts(&s))
-            },
-        );
-        Some(vec![
+        let change = bay.change.as_ref().map(|bay| &bay.change);
+        let changed = change.map(|change| {
+            change.statement().map_or_else(|e| e.to_string(), |stated| words::amounts(&stated))
+        });
+        let book = bay.book.as_ref();
+        let differs =
+            |book: &BookDifference| book.statement.replace(" (k = 2)", "").replace('-', "−");
+        vec![
             bay.account.name.clone(),
-            format!("{:.1}", change.earlier.volume_m3),
-            stated,
-            mass,
-            words::significance(change.change.p_value, change.change.risk),
-        ])
+            changed.unwrap_or_else(none),
+            change.map_or_else(none, |change| words::significance(change.p_value, change.risk)),
+            book.map_or_else(none, |book| {
+                format!("{}\u{a0}{}", words::plain(book.book), book.unit)
+            }),
+            book.map_or_else(none, differs),
+            book.map_or_else(none, |book| words::significance(book.p_value, book.risk)),
+        ]
     };
-    let file = earlier.path.file_name().unwrap_or_default().to_string_lossy();
-    let shared: Vec<&str> = report.shared.iter().map(|origin: &Origin| origin.name()).collect();
-    let cancelled = if shared.is_empty() { "none".to_owned() } else { shared.join(", ") };
-    vec![
-        Part::Table(Table {
+    let rows: Vec<Vec<String>> = facts.bays.iter().filter(has_any).map(row).collect();
+    let mut parts = Vec::new();
+    if !rows.is_empty() {
+        parts.push(Part::Table(Table {
             columns: vec![
-                Column::words("Measured", 1.8),
-                Column::numbers("Earlier, m³", 1.2),
-                Column::numbers("Change ± U, m³", 1.7),
-                Column::numbers("Change ± U, t", 1.7),
-                Column::numbers("Significance", 2.4),
+                Column::words("Measured", 1.5),
+                Column::numbers("Change ± U, m³", 1.5),
+                Column::numbers("", 1.3),
+                Column::numbers("Book", 1.1),
+                Column::numbers("Measured less book ± U", 1.9),
+                Column::numbers("", 1.3),
             ],
-            rows: facts.bays.iter().filter_map(row).collect(),
-        }),
-        Part::Text(format!(
-            "Against {file}. Errors that both surveys share cancel: {cancelled}. Significant: seen \
-             without a change with a probability below {} %.",
-            100.0 * facts.wishes.risk
-        )),
-    ]
-}
-
-fn books(facts: &Facts) -> Part {
-    let row = |bay: &BayFacts| {
-        let book = bay.book.as_ref()?;
-        Some(vec![
-            bay.account.name.clone(),
-            format!("{} {}", words::plain(book.book), book.unit),
-            book.statement.replace(" (k = 2)", ""),
-            words::significance(book.p_value, book.risk),
-        ])
-    };
-    let rows: Vec<Vec<String>> = facts.bays.iter().filter_map(row).collect();
-    if rows.is_empty() {
-        return Part::Text("No books were given.".to_owned());
+            rows,
+        }));
     }
-    Part::Table(Table {
-        columns: vec![
-            Column::words("Measured", 1.8),
-            Column::numbers("Book", 1.4),
-            Column::numbers("Measured less book ± U", 2.4),
-            Column::numbers("Significance", 2.4),
-        ],
-        rows,
-    })
+    parts.push(Part::Text(compared_with(facts)));
+    parts
 }
 
+/// What the survey was compared with, and what "significant" means.
+fn compared_with(facts: &Facts) -> String {
+    let mut said = match (&facts.changes, &facts.wishes.against) {
+        (Some(report), Some(earlier)) => {
+            let file = earlier.path.file_name().unwrap_or_default().to_string_lossy();
+            let shared: Vec<&str> =
+                report.shared.iter().map(|origin: &Origin| origin.name()).collect();
+            let shared = if shared.is_empty() { "none".to_owned() } else { shared.join(", ") };
+            format!("Earlier survey: {file}. Errors that both share cancel: {shared}.")
+        }
+        _ => "No earlier survey was given.".to_owned(),
+    };
+    let has_book = facts.bays.iter().any(|bay| bay.book.is_some());
+    if !has_book {
+        said.push_str(" No books were given.");
+    }
+    if has_book || facts.changes.is_some() {
+        said.push_str(&format!(
+            " Significant: by chance alone so much is seen in less than {}\u{a0}% of all cases.",
+            100.0 * facts.wishes.risk
+        ));
+    }
+    said
+}
+
+/// Remarks on the whole survey, then those on volumes: each once, with the names that it concerns.
 fn remarks(facts: &Facts) -> Vec<String> {
-    let of_bay = |bay: &BayFacts| -> Vec<String> {
-        let name = &bay.account.name;
-        bay.remarks.iter().map(|remark| format!("{name}: {remark}.")).collect()
+    let mut of_bays: Vec<(&str, Vec<&str>)> = Vec::new();
+    for bay in &facts.bays {
+        let name = bay.account.name.as_str();
+        for remark in &bay.remarks {
+            match of_bays.iter_mut().find(|(known, _)| known == remark) {
+                Some((_, names)) => names.push(name),
+                None => of_bays.push((remark, vec![name])),
+            }
+        }
+    }
+    let said = |(remark, names): (&str, Vec<&str>)| {
+        let is_all = names.len() == facts.bays.len() && names.len() > 1;
+        let names = if is_all { "all volumes".to_owned() } else { names.join(", ") };
+        format!("{}: {remark}.", words::capital(&names))
     };
     let of_all = facts.remarks.iter().map(|remark| format!("{}.", words::capital(remark)));
-    of_all.chain(facts.bays.iter().flat_map(of_bay)).collect()
+    of_all.chain(of_bays.into_iter().map(said)).collect()
 }
 
 fn picture_pages(facts: &Facts) -> Result<Vec<Part>, ReportError> {
     let flight = &facts.flight;
     let bays = flight.bays_on_surface();
-    let mut maps = pictures::maps(flight, &bays)?;
+    let mut maps = pictures::maps(flight)?;
     let earlier = facts.wishes.against.as_ref();
     if let Some(earlier) = earlier.and_then(|survey| survey.surface.as_ref()) {
-        maps.extend(pictures::change(flight, &bays, earlier)?);
+        maps.extend(pictures::change(flight, earlier)?);
     }
     if maps.is_empty() {
         return Ok(vec![Part::Text("The log holds no surface.".to_owned())]);
@@ -232,16 +240,21 @@ fn budget(facts: &Facts) -> Result<Vec<Part>, ReportError> {
         ),
     ];
     for bay in &facts.bays {
-        parts.push(Part::Heading(format!(
+        parts.push(Part::Subheading(format!(
             "{}: {}",
             bay.account.name,
             words::statement(&bay.volume()?)
         )));
         parts.push(Part::Bars(sources(bay)));
+        parts.extend(density(bay).map(Part::Text));
     }
     parts.push(Part::Heading("What the sources are".to_owned()));
+    let occurs = |source: &BudgetSource| {
+        facts.bays.iter().any(|bay| bay.account.budget.var_of_m6(*source) > 0.0)
+    };
     let rows = BudgetSource::ALL
         .into_iter()
+        .filter(occurs)
         .map(|source| vec![words::source(source).to_owned(), words::meaning(source).to_owned()]);
     parts.push(Part::Table(Table {
         columns: vec![Column::words("Source", 1.2), Column::words("Errors of", 4.0)],
@@ -253,25 +266,30 @@ fn budget(facts: &Facts) -> Result<Vec<Part>, ReportError> {
 fn sources(bay: &BayFacts) -> Bars {
     let budget = &bay.account.budget;
     let total_m6 = budget.var_m6();
-    let rows = budget.largest_first();
-    let shown = rows.iter().filter(|row| row.var_m6 > LEAST_SHARE * total_m6.max(0.0));
-    let largest_m3 =
-        rows.iter().map(|row| row.var_m6.max(0.0).sqrt()).fold(f64::MIN_POSITIVE, f64::max);
-    let bar = |row: &crate::messages::BudgetRow| {
-        let sigma_m3 = row.var_m6.max(0.0).sqrt();
-        let length = sigma_m3 / largest_m3;
-        let expanded = words::two_digits(2.0 * sigma_m3);
-        let is_of_volume = row.source != BudgetSource::Density;
-        let said = if is_of_volume {
-            format!("{expanded} m³  ({} of the variance)", words::ratio(row.var_m6, total_m6))
-        } else {
-            format!("{expanded} m³  (in the tonnes only)")
-        };
-        let lengths = if is_of_volume { vec![length, 0.0] } else { vec![0.0, length] };
-        (words::source(row.source).to_owned(), lengths, said)
+    let mut rows = budget.largest_first();
+    rows.retain(|row| {
+        row.source != BudgetSource::Density && row.var_m6 > LEAST_SHARE * total_m6.max(0.0)
+    });
+    let sigma_m3 = |row: &BudgetRow| row.var_m6.max(0.0).sqrt();
+    let largest_m3 = rows.iter().map(sigma_m3).fold(f64::MIN_POSITIVE, f64::max);
+    let bar = |row: &BudgetRow| {
+        let expanded = words::two_digits(2.0 * sigma_m3(row));
+        let share = words::ratio(row.var_m6, total_m6);
+        let said = format!("{expanded}\u{a0}m³, {share} of the variance");
+        (words::source(row.source).to_owned(), vec![sigma_m3(row) / largest_m3], said)
     };
-    Bars {
-        parts: vec![("in the volume", Tone::Blue), ("in the tonnes only", Tone::Grey)],
-        rows: shown.map(bar).collect(),
-    }
+    Bars { parts: vec![("U by source", Tone::Blue)], rows: rows.iter().map(bar).collect() }
+}
+
+/// What the density adds to the tonnes.
+fn density(bay: &BayFacts) -> Option<String> {
+    let mass = bay.account.mass?;
+    let of_density_m3 = bay.account.budget.var_of_m6(BudgetSource::Density).max(0.0).sqrt();
+    let t_per_m3 = mass.mass_t / bay.account.estimate.volume_m3;
+    Some(format!(
+        "Tonnes: the volume's U of {}\u{a0}t and the density's of {}\u{a0}t give {}\u{a0}t.",
+        words::two_digits(2.0 * t_per_m3 * bay.account.estimate.sigma_m3),
+        words::two_digits(2.0 * t_per_m3 * of_density_m3),
+        words::two_digits(2.0 * mass.sigma_t)
+    ))
 }

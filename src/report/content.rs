@@ -9,6 +9,8 @@ pub(super) enum Part {
     Headline(Headline),
     /// A heading over what follows.
     Heading(String),
+    /// A heading within it.
+    Subheading(String),
     /// A text.
     Text(String),
     /// Texts of equal rank.
@@ -85,8 +87,6 @@ pub(super) enum Tone {
     Red,
     /// A quantity.
     Blue,
-    /// A quantity that does not count in the whole.
-    Grey,
 }
 
 impl Tone {
@@ -98,7 +98,6 @@ impl Tone {
             Self::Orange => (230, 159, 0),
             Self::Red => (213, 94, 0),
             Self::Blue => (0, 114, 178),
-            Self::Grey => (160, 165, 170),
         }
     }
 }

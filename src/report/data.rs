@@ -236,7 +236,9 @@ fn covariance(config: &Config, accounts: &[VolumeAccount]) -> CovarianceData {
         let mut sum_m6 = 0.0;
         for item in &a.budget.shared {
             let is_common = match item.source {
-                BudgetSource::Base => have_one_base(config, &a.name, &b.name) && item.component == 0,
+                BudgetSource::Base => {
+                    have_one_base(config, &a.name, &b.name) && item.component == 0
+                }
                 BudgetSource::MarkerMap => false,
                 _ => true,
             };

@@ -199,7 +199,8 @@ fn bay_remarks(flight: &Flight, account: &VolumeAccount) -> Vec<String> {
     if section.is_some_and(|bay| {
         bay.density_t_per_m3.is_some() && bay.density_sigma_t_per_m3.unwrap_or(0.0) <= 0.0
     }) {
-        remarks.push("the density counts as exact: no uncertainty of it is in the tonnes".to_owned());
+        remarks
+            .push("the density counts as exact: no uncertainty of it is in the tonnes".to_owned());
     }
     remarks
 }

@@ -22,11 +22,8 @@ pub(super) fn html(content: &Content) -> String {
     for part in &content.parts {
         write_part(&mut out, part);
     }
-    let _ok = write!(
-        out,
-        "<footer>{}</footer>\n</main>\n</body>\n</html>\n",
-        escaped(&content.footer)
-    );
+    let _ok =
+        write!(out, "<footer>{}</footer>\n</main>\n</body>\n</html>\n", escaped(&content.footer));
     out
 }
 
@@ -37,6 +34,7 @@ fn write_part(out: &mut String, part: &Part) {
         Part::Bars(bars) => return write_bars(out, bars),
         Part::Pictures(pictures) => return write_pictures(out, pictures),
         Part::Heading(text) => writeln!(out, "<h2>{}</h2>", escaped(text)),
+        Part::Subheading(text) => writeln!(out, "<h3>{}</h3>", escaped(text)),
         Part::Text(text) => writeln!(out, "<p>{}</p>", escaped(text)),
         Part::List(texts) => {
             let items = texts.iter().map(|text| format!("<li>{}</li>", escaped(text)));
@@ -145,10 +143,8 @@ mod tests {
     #[test]
     fn names_from_a_configuration_are_text_and_nothing_else() {
         let evil = "<script>alert('x')</script>\" onload=\"";
-        let table = Table {
-            columns: vec![Column::words("Bay", 1.0)],
-            rows: vec![vec![evil.to_owned()]],
-        };
+        let table =
+            Table { columns: vec![Column::words("Bay", 1.0)], rows: vec![vec![evil.to_owned()]] };
         let bars = Bars {
             parts: vec![("measured", Tone::Green)],
             rows: vec![(evil.to_owned(), vec![f64::NAN], evil.to_owned())],
@@ -166,6 +162,7 @@ mod tests {
             parts: vec![
                 Part::Headline(headline),
                 Part::Heading(evil.to_owned()),
+                Part::Subheading(evil.to_owned()),
                 Part::Text(evil.to_owned()),
                 Part::List(vec![evil.to_owned()]),
                 Part::Table(table),
@@ -174,6 +171,6 @@ mod tests {
         };
         let page = html(&content);
         assert!(!page.contains("<script") && !page.contains("\" onload"));
-        assert_eq!(page.matches("&lt;script&gt;").count(), 13);
+        assert_eq!(page.matches("&lt;script&gt;").count(), 14);
     }
 }

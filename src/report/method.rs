@@ -52,10 +52,7 @@ pub(super) fn parts(facts: &Facts, log_sha256: &str) -> Vec<Part> {
 }
 
 fn two_columns(left: &'static str, right: &'static str, rows: Vec<Vec<String>>) -> Part {
-    Part::Table(Table {
-        columns: vec![Column::words(left, 1.6), Column::words(right, 3.0)],
-        rows,
-    })
+    Part::Table(Table { columns: vec![Column::words(left, 1.0), Column::words(right, 2.6)], rows })
 }
 
 fn row(left: &str, right: impl Into<String>) -> Vec<String> {
@@ -95,7 +92,7 @@ fn checks(flight: &Flight) -> Vec<Vec<String>> {
         let (n_all, n_used) = (flight.fixes.n_all(), flight.fixes.n_used());
         rows.push(row("Camera frames", format!("{n_all}, of which {n_used} were used")));
         let gated = flight.fixes.n_frames.get(&FixVerdict::Gated).copied().unwrap_or(0);
-        rows.push(row("Frames that contradicted the filter", format!("{gated}")));
+        rows.push(row("Frames refused by the filter", format!("{gated}")));
         if let Some(px) = flight.fixes.median_residual_px() {
             rows.push(row("Marker residual, median", format!("{px:.2} px")));
         }
@@ -116,7 +113,8 @@ fn checks(flight: &Flight) -> Vec<Vec<String>> {
 fn instrument(flight: &Flight) -> Vec<Vec<String>> {
     let config = &flight.config;
     let method = serde_json::to_value(config.surface.method).ok();
-    let method = method.as_ref().and_then(serde_json::Value::as_str).unwrap_or("unknown").to_owned();
+    let method =
+        method.as_ref().and_then(serde_json::Value::as_str).unwrap_or("unknown").to_owned();
     let region = &config.hall.region;
     vec![
         row("LiDAR", config.lidar.model.clone()),
@@ -150,7 +148,11 @@ fn densities(flight: &Flight) -> Table {
     let rows = flight.config.bays.iter().filter_map(|bay| {
         let mean = bay.density_t_per_m3?;
         let sigma = bay.density_sigma_t_per_m3.unwrap_or(0.0);
-        Some(vec![bay.name.clone(), format!("{mean} ± {:.3}", 2.0 * sigma), "configuration".to_owned()])
+        Some(vec![
+            bay.name.clone(),
+            format!("{mean} ± {:.3}", 2.0 * sigma),
+            "configuration".to_owned(),
+        ])
     });
     Table {
         columns: vec![
@@ -163,9 +165,10 @@ fn densities(flight: &Flight) -> Table {
 }
 
 fn warnings(flight: &Flight) -> Vec<String> {
-    let said = flight.warnings.iter().map(|(at, text)| {
-        format!("{:.0} s: {}", at.seconds_since(flight.began_at), text.text)
-    });
+    let said = flight
+        .warnings
+        .iter()
+        .map(|(at, text)| format!("{:.0} s: {}", at.seconds_since(flight.began_at), text.text));
     let mut lines: Vec<String> = said.take(MOST_LINES).collect();
     if flight.warnings.len() > MOST_LINES {
         lines.push(format!("and {} more in the log", flight.warnings.len() - MOST_LINES));

@@ -14,9 +14,9 @@ use crate::survey::Flight;
 const SIGMA_QUANTILE: f64 = 0.98;
 
 /// The surface, its σ, and what it rests on.
-pub(super) fn maps(flight: &Flight, bays: &[BayOnGrid]) -> Result<Vec<Picture>, FigureError> {
+pub(super) fn maps(flight: &Flight) -> Result<Vec<Picture>, FigureError> {
     let Some(surface) = &flight.surface else { return Ok(Vec::new()) };
-    let counts = counting_cells(surface, bays);
+    let counts = flight.counting_cells();
     let over = |with_path| overlays(flight, with_path);
     let height = HeatMap {
         title: "Surface".to_owned(),
@@ -34,7 +34,10 @@ pub(super) fn maps(flight: &Flight, bays: &[BayOnGrid]) -> Result<Vec<Picture>, 
     };
     let mut pictures = vec![
         picture(&height, "Height of the material, with the flown path.")?,
-        picture(&sigma, "How uncertain each cell is by itself, 1σ. Errors that all cells share are in U only.")?,
+        picture(
+            &sigma,
+            "How uncertain each cell is by itself, 1σ. Errors that all cells share are in U only.",
+        )?,
     ];
     if flight.states.len() == surface.mean_m.len() {
         let states = flight.states.iter().map(|state| f64::from(*state as u8));
@@ -61,11 +64,7 @@ const CLASSES: [(&str, Ink); 4] = [
 const _: () = assert!(CellState::Disturbed as usize == 3 && CellState::Measured as usize == 0);
 
 /// The change of height since an earlier survey on the same cells; none on others.
-pub(super) fn change(
-    flight: &Flight,
-    bays: &[BayOnGrid],
-    earlier: &HeightMap,
-) -> Result<Option<Picture>, FigureError> {
+pub(super) fn change(flight: &Flight, earlier: &HeightMap) -> Result<Option<Picture>, FigureError> {
     let Some(surface) = flight.surface.as_ref().filter(|s| s.grid == earlier.grid) else {
         return Ok(None);
     };
@@ -73,7 +72,7 @@ pub(super) fn change(
         std::iter::zip(&surface.mean_m, &earlier.mean_m).map(|(now, then)| now - then).collect();
     let map = HeatMap {
         title: "Change of height".to_owned(),
-        grid: lattice(&surface.grid, masked(&change, &counting_cells(surface, bays))),
+        grid: lattice(&surface.grid, masked(&change, &flight.counting_cells())),
         quantity: "later less earlier (m)".to_owned(),
         range: None,
         overlays: overlays(flight, false),
@@ -83,8 +82,10 @@ pub(super) fn change(
 
 /// Two sections through the highest cell, with the base and ±2σ.
 pub(super) fn sections(flight: &Flight, bays: &[BayOnGrid]) -> Result<Vec<Picture>, FigureError> {
-    let (Some(surface), Some(hall)) = (&flight.surface, bays.first()) else { return Ok(Vec::new()) };
-    let counts = counting_cells(surface, bays);
+    let (Some(surface), Some(hall)) = (&flight.surface, bays.first()) else {
+        return Ok(Vec::new());
+    };
+    let counts = flight.counting_cells();
     let height = |cell: &usize| surface.mean_m[*cell];
     let highest = (0..surface.mean_m.len())
         .filter(|cell| counts[*cell])
@@ -122,7 +123,8 @@ fn section(
     let line = |of: &dyn Fn(usize) -> f64| {
         cells.iter().map(|&cell| [place(cell), known(cell, of(cell))]).collect()
     };
-    let series = |label: &str, ink, stroke, points| Series { label: label.to_owned(), ink, stroke, points };
+    let series =
+        |label: &str, ink, stroke, points| Series { label: label.to_owned(), ink, stroke, points };
     LineChart {
         title,
         x: Axis::linear(if axis == 0 { "x (m)" } else { "y (m)" }),
@@ -149,14 +151,6 @@ fn picture(figure: &impl Figure, caption: &str) -> Result<Picture, FigureError> 
     Ok(Picture { svg: figure.svg()?, caption: caption.to_owned(), is_wide: false })
 }
 
-/// Cells of which any part counts.
-fn counting_cells(surface: &HeightMap, bays: &[BayOnGrid]) -> Vec<bool> {
-    bays.first().map_or_else(
-        || vec![true; surface.mean_m.len()],
-        |hall| hall.base.cell_areas_m2.iter().map(|area| *area > 0.0).collect(),
-    )
-}
-
 fn masked(values: &[f64], counts: &[bool]) -> Vec<f64> {
     std::iter::zip(values, counts).map(|(v, counts)| if *counts { *v } else { f64::NAN }).collect()
 }
@@ -168,7 +162,8 @@ fn masked(values: &[f64], counts: &[bool]) -> Vec<f64> {
     reason = "a place in a list"
 )]
 fn quantile(values: &[f64], counts: &[bool], share: f64) -> Option<f64> {
-    let mut known: Vec<f64> = masked(values, counts).into_iter().filter(|v| v.is_finite()).collect();
+    let mut known: Vec<f64> =
+        masked(values, counts).into_iter().filter(|v| v.is_finite()).collect();
     known.sort_by(f64::total_cmp);
     let high = *known.get((share * (known.len().checked_sub(1)?) as f64) as usize)?;
     (high > 0.0).then_some(high)

@@ -69,10 +69,15 @@ impl Target {
         let unmeasured = account.shares.unseen_ratio + account.shares.disturbed_ratio;
         let mut own = Vec::new();
         if expanded_m3 > allowed_m3 {
-            own.push(format!("U = {expanded_m3:.2} m³ is more than the target of {allowed_m3:.2} m³"));
+            own.push(format!(
+                "U = {expanded_m3:.2} m³ is more than the target of {allowed_m3:.2} m³"
+            ));
         }
         if unmeasured > UNMEASURED_REMARK {
-            own.push(format!("{:.0} % of the volume was not seen or is disturbed", 100.0 * unmeasured));
+            own.push(format!(
+                "{:.0} % of the volume was not seen or is disturbed",
+                100.0 * unmeasured
+            ));
         }
         if !is_final {
             own.push("the volume is one of a flight under way".to_owned());
@@ -94,11 +99,11 @@ impl Target {
     pub fn rule(&self) -> String {
         let Self { percent, least_m3 } = self;
         format!(
-            "Accepted: U (k = 2) is at most {percent} % of the volume, or {least_m3} m³ where that is \
-             more; at most {:.0} % of the volume was not seen or is disturbed; and nothing stands in \
-             the remarks. Repeat: U is more than {REPEAT_TARGETS} times that, or more than {:.0} % was \
-             not seen or is disturbed, or the volume is one of a flight under way. Else: accepted \
-             with remark.",
+            "Accepted: U (k = 2) is at most {percent}\u{a0}% of the volume, or {least_m3}\u{a0}m³ where \
+             that is more; at most {:.0}\u{a0}% of the volume was not seen or is disturbed; and nothing \
+             stands in the remarks. Repeat: U is more than {REPEAT_TARGETS} times that, or more than \
+             {:.0}\u{a0}% was not seen or is disturbed, or the volume is one of a flight under way. \
+             Else: accepted with remark.",
             100.0 * UNMEASURED_REMARK,
             100.0 * UNMEASURED_REPEAT,
         )

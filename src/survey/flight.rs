@@ -1,11 +1,13 @@
 //! Everything that a log tells of its last flight, for reports and exports.
 
 use crate::config::{Config, ConfigError};
-use crate::mapping::bay::BayOnGrid;
 use crate::mapping::base::BaseSurface;
+use crate::mapping::bay::BayOnGrid;
 use crate::mapping::shares::CellState;
 use crate::mapping::{self, KeptHit};
-use crate::messages::{FixRecord, HeightMap, HitCounts, Severity, StatusText, Verdict, VolumeAccount};
+use crate::messages::{
+    FixRecord, HeightMap, HitCounts, Severity, StatusText, Verdict, VolumeAccount,
+};
 use crate::pilot::{Action, Event, FlightSummary, JobOutput, PhaseChange, Pilot};
 use crate::record::replay::ReplayError;
 use crate::record::{FlownAgain, Watcher, fly_again};
@@ -137,8 +139,9 @@ impl Watcher for Eye {
     fn action(&mut self, at: Stamp<Mono>, action: &Action) {
         match action {
             Action::PublishOdometry(estimate) => {
-                let is_due =
-                    self.newest_point_at.is_none_or(|newest| estimate.at.since(newest) >= PATH_STEP);
+                let is_due = self
+                    .newest_point_at
+                    .is_none_or(|newest| estimate.at.since(newest) >= PATH_STEP);
                 if is_due {
                     self.newest_point_at = Some(estimate.at);
                     self.path_m.push(estimate.hall_from_body.origin.coords.into());
@@ -179,9 +182,10 @@ impl Flight {
             (_, false) => Reproduction::Different,
         };
         eye.fixes.residuals_px.sort_by(f64::total_cmp);
-        let merged_from = again.notes.get("merged_from").map_or_else(Vec::new, |names| {
-            names.lines().map(str::to_owned).collect()
-        });
+        let merged_from = again
+            .notes
+            .get("merged_from")
+            .map_or_else(Vec::new, |names| names.lines().map(str::to_owned).collect());
         Ok(Self {
             log: log.to_owned(),
             version: again.version,
@@ -231,6 +235,14 @@ impl Flight {
     #[must_use]
     pub fn measured_between(&self) -> Option<(Stamp<Mono>, Stamp<Mono>)> {
         Some((self.hits.first()?.at, self.hits.last()?.at))
+    }
+
+    /// By cell of the surface: some of it counts.
+    #[must_use]
+    pub fn counting_cells(&self) -> Vec<bool> {
+        self.bays_on_surface().first().map_or_else(Vec::new, |hall| {
+            hall.base.cell_areas_m2.iter().map(|area_m2| *area_m2 > 0.0).collect()
+        })
     }
 
     /// The accounts' ground on the cells of the surface, in their order.

@@ -28,7 +28,7 @@ const RANKS: [(&str, u8); 25] = [
     ("survey", 9),
     ("doctor", 10),
     ("report", 10),
-    ("books", 10),
+    ("inventory", 10),
     ("audit", 11),
 ];
 

@@ -16,8 +16,8 @@ const GUTTER_MM: f64 = 3.0;
 const BAR_LEFT_MM: f64 = 34.0;
 const BAR_MM: f64 = 66.0;
 /// Room of a picture, mm.
-const MAP_MM: (f64, f64) = (132.0, 106.0);
-const WIDE_MM: (f64, f64) = (152.0, 98.0);
+const MAP_MM: (f64, f64) = (134.0, 104.0);
+const WIDE_MM: (f64, f64) = (84.0, 54.0);
 
 impl Tone {
     const fn ink(self) -> Ink {
@@ -26,25 +26,23 @@ impl Tone {
     }
 }
 
-pub(super) fn of<'a>(
-    part: &'a Part,
-    typefaces: &Typefaces,
-) -> Result<Vec<Block<'a>>, PdfError> {
+pub(super) fn of<'a>(part: &'a Part, typefaces: &Typefaces) -> Result<Vec<Block<'a>>, PdfError> {
     Ok(match part {
         Part::Headline(headline) => vec![of_headline(headline)],
         Part::Heading(text) => vec![of_heading(text)],
+        Part::Subheading(text) => vec![of_subheading(text)],
         Part::Text(text) => vec![of_text(text, typefaces)],
         Part::List(texts) => texts.iter().map(|text| of_item(text, typefaces)).collect(),
         Part::Table(table) => of_table(table, typefaces),
         Part::Bars(bars) => of_bars(bars),
-        Part::Pictures(pictures) => pictures.iter().map(of_picture).collect(),
+        Part::Pictures(pictures) => of_pictures(pictures),
         Part::Signatures(labels) => vec![of_signatures(labels)],
         Part::NewPage => Vec::new(),
     })
 }
 
 fn of_headline(headline: &Headline) -> Block<'_> {
-    Block::new(37.0, |page, y_mm| {
+    Block::new(34.0, |page, y_mm| {
         let tone = match headline.verdict {
             Verdict::Accepted => Tone::Green,
             Verdict::AcceptedWithRemark => Tone::Orange,
@@ -71,9 +69,17 @@ fn of_headline(headline: &Headline) -> Block<'_> {
 }
 
 fn of_heading(text: &str) -> Block<'_> {
-    Block::new(10.5, move |page, y_mm| {
+    Block::new(9.8, move |page, y_mm| {
         let style = Style::semi_bold(11.0, ACCENT);
-        page.text(text, [LEFT_MM, y_mm + 7.0], style, Hold::Left);
+        page.text(text, [LEFT_MM, y_mm + 6.6], style, Hold::Left);
+        Ok(())
+    })
+    .keeping_next()
+}
+
+fn of_subheading(text: &str) -> Block<'_> {
+    Block::new(7.6, move |page, y_mm| {
+        page.text(text, [LEFT_MM, y_mm + 5.2], Style::semi_bold(9.0, DARK), Hold::Left);
         Ok(())
     })
     .keeping_next()
@@ -149,14 +155,14 @@ fn of_row<'a>(
     };
     let cells: Vec<Vec<String>> = std::iter::zip(row, places_mm).map(in_lines).collect();
     let n_lines = cells.iter().map(Vec::len).max().unwrap_or(1).max(1);
-    let height_mm = n_lines as f64 * TABLE_STEP_MM + 1.9;
+    let height_mm = n_lines as f64 * TABLE_STEP_MM + 1.4;
     let places = places_mm.to_vec();
     Block::new(height_mm, move |page, y_mm| {
         let columns = std::iter::zip(&table.columns, &places);
         for ((column, place_mm), lines) in std::iter::zip(columns, &cells) {
             let (x_mm, hold) = held(column.side, *place_mm);
             for (k, line) in lines.iter().enumerate() {
-                let at_mm = [x_mm, y_mm + 3.9 + k as f64 * TABLE_STEP_MM];
+                let at_mm = [x_mm, y_mm + 3.7 + k as f64 * TABLE_STEP_MM];
                 page.text(line, at_mm, Style::regular(TABLE_PT, DARK), hold);
             }
         }
@@ -186,7 +192,7 @@ fn of_bars(bars: &Bars) -> Vec<Block<'_>> {
     .keeping_next();
     let row = |(label, lengths, said): &'_ (String, Vec<f64>, String)| {
         let (label, lengths, said) = (label.clone(), lengths.clone(), said.clone());
-        Block::new(5.6, move |page, y_mm| {
+        Block::new(5.0, move |page, y_mm| {
             let style = Style::regular(TABLE_PT, DARK);
             page.text(&label, [LEFT_MM, y_mm + 3.9], style, Hold::Left);
             let mut x_mm = LEFT_MM + BAR_LEFT_MM;
@@ -204,16 +210,31 @@ fn of_bars(bars: &Bars) -> Vec<Block<'_>> {
             Ok(())
         })
     };
-    std::iter::once(legend).chain(bars.rows.iter().map(row)).collect()
+    // A single colour needs no legend: the heading says what it is.
+    let legend = (bars.parts.len() > 1).then_some(legend);
+    let air = Block::new(1.5, |_, _| Ok(()));
+    legend.into_iter().chain(bars.rows.iter().map(row)).chain([air]).collect()
 }
 
-fn of_picture(picture: &Picture) -> Block<'_> {
-    let room_mm = if picture.is_wide { WIDE_MM } else { MAP_MM };
+/// Pictures below each other; wide ones in pairs side by side.
+fn of_pictures(pictures: &[Picture]) -> Vec<Block<'_>> {
+    let is_pair = |a: &Picture, b: &Picture| a.is_wide && b.is_wide;
+    pictures.chunk_by(is_pair).flat_map(|run| run.chunks(2)).map(of_row_of_pictures).collect()
+}
+
+fn of_row_of_pictures(pictures: &[Picture]) -> Block<'_> {
+    let is_wide = pictures.iter().all(|picture| picture.is_wide);
+    let room_mm = if is_wide { WIDE_MM } else { MAP_MM };
     Block::new(room_mm.1 + 9.0, move |page, y_mm| {
-        let (_, height_mm) = page.picture(&picture.svg, [LEFT_MM, y_mm], room_mm)?;
-        let style = Style::regular(SMALL_PT, GREY);
-        let below_mm = [LEFT_MM, y_mm + height_mm + 3.6];
-        page.paragraph(&picture.caption, below_mm, style, (WIDTH_MM, 3.4));
+        // Maps stand in the middle of the page, halves at its borders.
+        let mut x_mm = if is_wide { LEFT_MM } else { LEFT_MM + 0.5 * (WIDTH_MM - room_mm.0) };
+        for picture in pictures {
+            let (_, height_mm) = page.picture(&picture.svg, [x_mm, y_mm], room_mm)?;
+            let style = Style::regular(SMALL_PT, GREY);
+            let below_mm = [x_mm + 2.0, y_mm + height_mm + 3.6];
+            page.paragraph(&picture.caption, below_mm, style, (room_mm.0, 3.4));
+            x_mm += WIDTH_MM - room_mm.0;
+        }
         Ok(())
     })
 }
