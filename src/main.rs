@@ -8,6 +8,8 @@ mod doctor;
 mod inventory;
 #[path = "main/params.rs"]
 mod params;
+#[path = "main/prior.rs"]
+mod prior;
 #[path = "main/report.rs"]
 mod report;
 
@@ -46,6 +48,8 @@ enum Command {
     Replay(ReplayArgs),
     /// One map of several logs: of cut-off flights, of several flights or vehicles.
     Merge(MergeArgs),
+    /// The likeliest numbers of the field for the material that these flights saw.
+    Prior(prior::PriorArgs),
     /// What has changed between two surveys of the same bays.
     Change(ChangeArgs),
     /// The files for people: PDF, HTML, JSON, CSV, maps and point clouds.
@@ -191,6 +195,7 @@ fn main() -> anyhow::Result<ExitCode> {
         Command::Run(args) => run(&args),
         Command::Replay(args) => run_replay(&args),
         Command::Merge(args) => run_merge(&args),
+        Command::Prior(args) => prior::run(&args),
         Command::Change(args) => run_change(&args),
         Command::Report(args) => report::run(&args),
         Command::Audit(args) => audit::run(&args),

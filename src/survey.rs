@@ -3,6 +3,7 @@
 //!
 //! ```text
 //! LOG LOG … ─ events ─▶ turns ─▶ mapping::merge ─▶ one solve ─▶ volumes ─▶ table, JSON, new log
+//!                                    └▶ the likeliest prior ─▶ configuration
 //! LOG ─ flown again ─▶ Flight: volumes, surface, hits, path ─▶ report, exports
 //! EARLIER, LATER ─ recorded volumes ─▶ mapping::change ─▶ Δ ± U, verdict
 //! ```
@@ -11,10 +12,12 @@
 
 mod compare;
 mod flight;
+mod learn;
 mod merge;
 mod table;
 
 pub use compare::{BayChange, ChangeReport, Origin, Survey, SurveyError, compare};
 pub use flight::{FixStatistics, Flight, Reproduction};
+pub use learn::{FieldNumbers, LearnedPrior, learn_prior};
 pub use merge::{MergeLogsError, MergeOptions, MergedLog, MergedSurvey, merge_logs};
 pub use table::{AccountLine, accounts_table};
