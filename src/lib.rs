@@ -9,14 +9,14 @@
 //! | 1 | [`geometry`], [`stats`] | frames as types, transforms; gates, seeded noise |
 //! | 2 | [`messages`] | plain data that modules exchange |
 //! | 3 | [`localization`], [`mapping`] | where the vehicle is; what the surface is |
-//! | 4 | [`planning`] | where to look next, and how to get there |
+//! | 4 | [`planning`], [`calibration`] | where to look next, and how to get there; where the LiDAR sits |
 //! | 5 | [`mission`] | phases and guards |
 //! | 6 | [`pilot`] | the brain: one event in, actions out, no I/O |
 //! | 7 | `link`, `lidar`, `camera`, `record` | feature `service`: the edges |
 //! | 7 | `figure` | feature `figures`, part of `service`: pictures of maps and curves |
 //! | 7 | `pdf`, `export` | pages in millimetres; maps and point clouds as files |
 //! | 8 | `config` | the file, checked and turned into the settings of all of them |
-//! | 9 | `service`, `survey` | tasks, clock, supervision; after the flight: merged maps, changes |
+//! | 9 | `service`, `survey` | tasks, clock, supervision; after the flight: merged maps, changes, calibration |
 //! | 10 | `doctor` | before the flight: what is connected, judged, with cures |
 //! | 10 | `report` | after the flight: what it came to, for people and their programs |
 //! | 10 | `inventory` | the books of a hall: its surveys in one file |
@@ -34,6 +34,7 @@ pub mod messages;
 pub mod localization;
 pub mod mapping;
 
+pub mod calibration;
 pub mod planning;
 
 pub mod mission;

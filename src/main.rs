@@ -2,6 +2,8 @@
 
 #[path = "main/audit.rs"]
 mod audit;
+#[path = "main/calibrate.rs"]
+mod calibrate;
 #[path = "main/doctor.rs"]
 mod doctor;
 #[path = "main/inventory.rs"]
@@ -12,6 +14,8 @@ mod params;
 mod prior;
 #[path = "main/report.rs"]
 mod report;
+#[path = "main/survey.rs"]
+mod survey;
 
 use anyhow::Context;
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -50,6 +54,10 @@ enum Command {
     Merge(MergeArgs),
     /// The likeliest numbers of the field for the material that these flights saw.
     Prior(prior::PriorArgs),
+    /// What a flight says about the hall.
+    Survey(survey::SurveyArgs),
+    /// What a flight says about the vehicle itself.
+    Calibrate(calibrate::CalibrateArgs),
     /// What has changed between two surveys of the same bays.
     Change(ChangeArgs),
     /// The files for people: PDF, HTML, JSON, CSV, maps and point clouds.
@@ -196,6 +204,8 @@ fn main() -> anyhow::Result<ExitCode> {
         Command::Replay(args) => run_replay(&args),
         Command::Merge(args) => run_merge(&args),
         Command::Prior(args) => prior::run(&args),
+        Command::Survey(args) => survey::run(&args),
+        Command::Calibrate(args) => calibrate::run(&args),
         Command::Change(args) => run_change(&args),
         Command::Report(args) => report::run(&args),
         Command::Audit(args) => audit::run(&args),
