@@ -23,7 +23,7 @@ pub use nav::{
 pub use operator::{
     OperatorAnswer, OperatorCommand, OperatorRequest, OperatorVerb, Severity, StatusText,
 };
-pub use scan::{Beam, Scan};
+pub use scan::{Beam, Scan, ScanCorrection};
 pub use setpoint::Setpoint;
 pub use vehicle::{
     AutopilotPose, BatterySample, CommandOutcome, FlightMode, LandedState, TAKE_OFF_HEIGHT_M,
