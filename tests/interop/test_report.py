@@ -104,7 +104,8 @@ def test_pdf(out, report):
         assert f"{number} / {len(texts)}" in text
         pixels = page.render(scale=1.0).to_numpy()[..., :3]
         inked = float((pixels.min(axis=2) < 200).mean())
-        assert 0.005 < inked < 0.6, f"page {number}: {inked}"
+        # A page may hold the last lines of a list and nothing else.
+        assert 0.002 < inked < 0.6, f"page {number}: {inked}"
     print(f"PDF: {len(texts)} pages, the volumes of page 1 as rounded here")
 
 
