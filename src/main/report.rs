@@ -17,7 +17,7 @@ pub(crate) struct SurveyArgs {
     /// Log of an earlier survey of the same bays: the report says what has changed.
     #[arg(long, value_name = "LOG")]
     against: Option<PathBuf>,
-    /// The books: CSV with the columns bay, volume_m3, mass_t.
+    /// The books: CSV with the columns `bay`, `volume_m3`, `mass_t`.
     #[arg(long, value_name = "FILE")]
     book: Option<PathBuf>,
     /// A line of the books, such as salt=660t or hall=412.5m3; may be given several times.
