@@ -15,12 +15,12 @@
 //! | 7 | `link`, `lidar`, `camera`, `record` | feature `service`: the edges |
 //! | 7 | `figure` | feature `figures`, part of `service`: pictures of maps and curves |
 //! | 7 | `pdf`, `export` | pages in millimetres; maps and point clouds as files |
-//! | 8 | `config` | the file, checked and turned into the settings of all of them |
-//! | 9 | `service`, `survey` | tasks, clock, supervision; after the flight: merged maps, changes, calibration |
-//! | 10 | `doctor` | before the flight: what is connected, judged, with cures |
-//! | 10 | `report` | after the flight: what it came to, for people and their programs |
-//! | 10 | `inventory` | the books of a hall: its surveys in one file |
-//! | 11 | `audit` | packs that others can compute again |
+//! | 8 | `web` | the live page, its API and metrics |
+//! | 9 | `config` | the file, checked and turned into the settings of all of them |
+//! | 10 | `service`, `survey` | tasks, clock, supervision; after the flight: merged maps, changes, calibration |
+//! | 11 | `doctor` | before the flight: what is connected, judged, with cures |
+//! | 11 | `report`, `inventory` | after the flight: what it came to, for people and their programs; the books of a hall |
+//! | 12 | `audit` | packs that others can compute again |
 
 pub mod units;
 
@@ -62,6 +62,8 @@ pub mod record;
 pub mod service;
 #[cfg(feature = "service")]
 pub mod survey;
+#[cfg(feature = "service")]
+pub mod web;
 
 #[cfg(feature = "service")]
 pub mod doctor;

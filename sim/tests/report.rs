@@ -5,8 +5,7 @@
 use std::path::{Path, PathBuf};
 use stockpilot::config::{Config, SurfaceName};
 use stockpilot::export::sha256_of_file;
-use stockpilot::mapping::shares::CellState;
-use stockpilot::messages::VolumeAccount;
+use stockpilot::messages::{CellCoverage, VolumeAccount};
 use stockpilot::record::{LogHeader, Recorder};
 use stockpilot::report::{Facts, Report, Target, Wishes};
 use stockpilot::survey::{Flight, Reproduction, Survey};
@@ -119,7 +118,7 @@ fn assert_states_make_the_shares(flight: &Flight) {
         for (cell, area_m2) in bay.base.cell_areas_m2.iter().enumerate() {
             let volume_m3 = area_m2 * (surface.mean_m[cell] - bay.base.cell_base_m[cell]).max(0.0);
             all += volume_m3;
-            if flight.states[cell] == CellState::Measured {
+            if flight.states[cell] == CellCoverage::Measured {
                 measured += volume_m3;
             }
         }

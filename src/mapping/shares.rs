@@ -2,25 +2,12 @@
 //! something moved.
 
 use super::disturbance::Flagged;
-use crate::messages::{GridGeometry, VolumeShares};
+use crate::messages::{CellCoverage, GridGeometry, VolumeShares};
 use std::collections::VecDeque;
 
 /// Seen cells reach this far into what lies between them, in practical ranges of the material: at
 /// half of it a height is still correlated by 0.45 (ν = 1).
 const INTERPOLATED_RANGES: f64 = 0.5;
-
-/// What the height of a cell rests on.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum CellState {
-    /// A beam has hit it.
-    Measured,
-    /// It lies near cells that were hit.
-    Interpolated,
-    /// Nothing was seen there.
-    Unseen,
-    /// Something has moved there since its ground was last seen.
-    Disturbed,
-}
 
 /// Cells that a beam has hit, and how far the others are from one.
 #[derive(Debug, Clone, PartialEq)]
@@ -84,12 +71,6 @@ impl SeenCells {
         }
     }
 
-    /// What each cell rests on, in the order of the grid.
-    #[must_use]
-    pub fn states(&self, range_m: f64) -> Vec<CellState> {
-        (0..self.steps.len()).map(|cell| self.state(cell, range_m)).collect()
-    }
-
     fn sums(&self, areas_m2: &[f64], weight: impl Fn(usize) -> f64, range_m: f64) -> [f64; 4] {
         let mut sums = [0.0; 4];
         for (cell, area_m2) in areas_m2.iter().enumerate() {
@@ -98,17 +79,23 @@ impl SeenCells {
         sums
     }
 
-    fn state(&self, cell: usize, range_m: f64) -> CellState {
+    /// How each cell is known, for a material with this practical range, m.
+    #[must_use]
+    pub fn coverage(&self, range_m: f64) -> Vec<CellCoverage> {
+        (0..self.steps.len()).map(|cell| self.state(cell, range_m)).collect()
+    }
+
+    fn state(&self, cell: usize, range_m: f64) -> CellCoverage {
         if self.disturbed.contains(cell) {
-            return CellState::Disturbed;
+            return CellCoverage::Disturbed;
         }
         match self.steps[cell] {
-            0 => CellState::Measured,
-            u32::MAX => CellState::Unseen,
+            0 => CellCoverage::Measured,
+            u32::MAX => CellCoverage::Unseen,
             steps if f64::from(steps) * self.cell_m <= INTERPOLATED_RANGES * range_m => {
-                CellState::Interpolated
+                CellCoverage::Interpolated
             }
-            _ => CellState::Unseen,
+            _ => CellCoverage::Unseen,
         }
     }
 }
@@ -133,15 +120,15 @@ mod tests {
         assert!((by_area.measured_ratio - 2.0 / 9.0).abs() < 1e-12);
         assert!((by_area.interpolated_ratio - 2.0 / 9.0).abs() < 1e-12);
         assert!((by_area.unseen_ratio - 5.0 / 9.0).abs() < 1e-12);
+        use CellCoverage::{Interpolated, Measured, Unseen};
+        let known = [Measured, Measured, Interpolated, Interpolated];
+        assert_eq!(seen.coverage(2.0)[..4], known);
+        assert!(seen.coverage(2.0)[4..].iter().all(|state| *state == Unseen));
         // 3 m over the hit cells, 1 m elsewhere, a hole that counts as empty: 6 of 12.
         let thickness_m = [3.0, 3.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, -4.0];
         let by_volume = seen.shares(&areas_m2, &thickness_m, 2.0);
         assert!((by_volume.measured_ratio - 0.5).abs() < 1e-12);
         assert!((by_volume.unseen_ratio - 4.0 / 12.0).abs() < 1e-12);
-        use CellState::{Interpolated, Measured, Unseen};
-        let states = seen.states(2.0);
-        assert_eq!(states[..4], [Measured, Measured, Interpolated, Interpolated]);
-        assert_eq!(states[4..], [Unseen; 5]);
     }
 
     #[test]

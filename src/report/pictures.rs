@@ -6,8 +6,7 @@ use crate::figure::{
     Shape, Stroke,
 };
 use crate::mapping::bay::BayOnGrid;
-use crate::mapping::shares::CellState;
-use crate::messages::{GridGeometry, HeightMap};
+use crate::messages::{CellCoverage, GridGeometry, HeightMap};
 use crate::survey::Flight;
 
 /// Cells with a larger σ than this share of all are drawn in the last colour.
@@ -53,7 +52,7 @@ pub(super) fn maps(flight: &Flight) -> Result<Vec<Picture>, FigureError> {
     Ok(pictures)
 }
 
-/// In the order of [`CellState`].
+/// In the order of [`CellCoverage`].
 const CLASSES: [(&str, Ink); 4] = [
     ("measured", Ink::Green),
     ("interpolated", Ink::Sky),
@@ -61,7 +60,8 @@ const CLASSES: [(&str, Ink); 4] = [
     ("disturbed", Ink::Red),
 ];
 
-const _: () = assert!(CellState::Disturbed as usize == 3 && CellState::Measured as usize == 0);
+const _: () =
+    assert!(CellCoverage::Disturbed as usize == 3 && CellCoverage::Measured as usize == 0);
 
 /// The change of height since an earlier survey on the same cells; none on others.
 pub(super) fn change(flight: &Flight, earlier: &HeightMap) -> Result<Option<Picture>, FigureError> {

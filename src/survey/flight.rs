@@ -3,10 +3,9 @@
 use crate::config::{Config, ConfigError};
 use crate::mapping::base::BaseSurface;
 use crate::mapping::bay::BayOnGrid;
-use crate::mapping::shares::CellState;
 use crate::mapping::{self, KeptHit};
 use crate::messages::{
-    FixRecord, HeightMap, HitCounts, Severity, StatusText, Verdict, VolumeAccount,
+    CellCoverage, FixRecord, HeightMap, HitCounts, Severity, StatusText, Verdict, VolumeAccount,
 };
 use crate::pilot::{Action, Event, FlightSummary, JobOutput, PhaseChange, Pilot};
 use crate::record::replay::ReplayError;
@@ -47,7 +46,7 @@ pub struct Flight {
     /// The surface that belongs to them, as recorded.
     pub surface: Option<HeightMap>,
     /// What each cell of the surface rests on; empty if it was not computed again.
-    pub states: Vec<CellState>,
+    pub states: Vec<CellCoverage>,
     /// Every hit that changed the map; empty if the log holds none.
     pub hits: Vec<KeptHit>,
     /// Where the vehicle was, m, in equal steps of time.
@@ -118,7 +117,7 @@ impl FixStatistics {
 
 #[derive(Default)]
 struct Eye {
-    states: Vec<CellState>,
+    states: Vec<CellCoverage>,
     path_m: Vec<[f64; 3]>,
     newest_point_at: Option<Stamp<Mono>>,
     phases: Vec<PhaseChange>,
@@ -132,7 +131,7 @@ impl Watcher for Eye {
         if let Event::Finished { output, .. } = event
             && let JobOutput::SurfaceSolved(Ok(solved)) = output.as_ref()
         {
-            self.states.clone_from(&solved.states);
+            self.states.clone_from(&solved.coverage);
         }
     }
 
