@@ -1,6 +1,7 @@
 """One flight from the preflight list to the decision, by the page alone. The tests go on from each other."""
 import json
 import os
+import re
 import urllib.error
 import urllib.request
 
@@ -108,6 +109,8 @@ def test_numbers_move_and_maps_are_drawn(flight, desktop, colours):
         page.click(f"[data-map={tab}]")
         canvas = page.locator("#surface canvas" if tab == "surface" else "#map")
         expect(canvas).to_be_visible()
+        # The legend tells which map is drawn, in which version.
+        expect(page.locator("#legend")).to_have_attribute("data-of", re.compile(rf"^{tab} \d+$"))
         expect(page.locator("#stage-note")).to_have_text("")
         picture(desktop, f"2-{tab}-desktop")
         # A blank stage has one colour; outlines, path and vehicle alone some dozens.

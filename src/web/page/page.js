@@ -240,10 +240,11 @@ async function choose(name) {
     $('surface').hidden = false;
     surface = new SurfaceView($('surface'), scene);
   }
-  if (newest) {
-    await refresh(newest);
-    showStage(newest);
-  }
+  if (!newest) return;
+  // The old map must not stand under the new name while the new one is fetched.
+  showStage(newest);
+  await refresh(newest);
+  showStage(newest);
 }
 
 function showState(state) {
