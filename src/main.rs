@@ -1,13 +1,19 @@
 //! The onboard program and its tools.
 
+#[path = "main/audit.rs"]
+mod audit;
 #[path = "main/calibrate.rs"]
 mod calibrate;
 #[path = "main/doctor.rs"]
 mod doctor;
+#[path = "main/inventory.rs"]
+mod inventory;
 #[path = "main/params.rs"]
 mod params;
 #[path = "main/prior.rs"]
 mod prior;
+#[path = "main/report.rs"]
+mod report;
 #[path = "main/survey.rs"]
 mod survey;
 #[path = "main/watchdog.rs"]
@@ -56,6 +62,12 @@ enum Command {
     Calibrate(calibrate::CalibrateArgs),
     /// What has changed between two surveys of the same bays.
     Change(ChangeArgs),
+    /// The files for people: PDF, HTML, JSON, CSV, maps and point clouds.
+    Report(report::ReportArgs),
+    /// Packs with all that somebody needs to compute a survey again, signed.
+    Audit(audit::AuditArgs),
+    /// The books of halls: what was in each bay, survey by survey.
+    Inventory(inventory::InventoryArgs),
     /// Where the vehicle may fly, and where one more marker would help most.
     Plan(PlanArgs),
     /// The autopilot's parameters beside a file's.
@@ -197,6 +209,9 @@ fn main() -> anyhow::Result<ExitCode> {
         Command::Survey(args) => survey::run(&args),
         Command::Calibrate(args) => calibrate::run(&args),
         Command::Change(args) => run_change(&args),
+        Command::Report(args) => report::run(&args),
+        Command::Audit(args) => audit::run(&args),
+        Command::Inventory(args) => inventory::run(&args),
         Command::Plan(args) => plan(&args),
         Command::Params(args) => params::run(&args),
         Command::Doctor(args) => doctor::run(&args),

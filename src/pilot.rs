@@ -274,6 +274,11 @@ impl Pilot {
         &self.mapper
     }
 
+    /// Keeps every hit that changes the map, for reports: see [`Mapper::keep_hits`].
+    pub fn keep_hits(&mut self) {
+        self.mapper.keep_hits();
+    }
+
     /// The localisation.
     #[must_use]
     pub const fn localizer(&self) -> &Localizer {
