@@ -19,12 +19,13 @@ mod load;
 mod markers;
 mod mesh_file;
 mod obstacles;
+mod page;
 mod published;
 mod security;
 
 pub use bays::{BaseSection, BaySection, ExclusionSection};
 pub use cameras::{CameraSection, LensName};
-pub use edit::{FoundMount, write_mount};
+pub use edit::{FoundMount, write_clock, write_mount};
 pub use error::ConfigError;
 pub use file::{
     Config, ExternalSection, FieldSection, FilterSection, HallSection, LidarSection, LinkSection,
@@ -36,4 +37,5 @@ pub use load::load;
 pub use markers::{MarkersSection, PointSection, TagSection};
 pub use mesh_file::MeshContent;
 pub use obstacles::{FenceSection, ObstacleSection, SpaceSection};
+pub use page::PageSection;
 pub use security::SigningSection;

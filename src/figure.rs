@@ -28,6 +28,7 @@
 //! ```
 
 mod canvas;
+mod class_map;
 mod heat_map;
 mod legend;
 mod line_chart;
@@ -39,6 +40,7 @@ mod table;
 mod tests;
 mod ticks;
 
+pub use class_map::ClassMap;
 pub use heat_map::{HeatMap, Lattice};
 pub use line_chart::{Axis, Band, LineChart, Series, Stroke};
 pub use overlay::{Ink, Overlay, Shape};

@@ -1,15 +1,23 @@
 //! The onboard program and its tools.
 
+#[path = "main/audit.rs"]
+mod audit;
 #[path = "main/calibrate.rs"]
 mod calibrate;
 #[path = "main/doctor.rs"]
 mod doctor;
+#[path = "main/inventory.rs"]
+mod inventory;
 #[path = "main/params.rs"]
 mod params;
 #[path = "main/prior.rs"]
 mod prior;
+#[path = "main/report.rs"]
+mod report;
 #[path = "main/survey.rs"]
 mod survey;
+#[path = "main/watchdog.rs"]
+mod watchdog;
 
 use anyhow::Context;
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -54,6 +62,12 @@ enum Command {
     Calibrate(calibrate::CalibrateArgs),
     /// What has changed between two surveys of the same bays.
     Change(ChangeArgs),
+    /// The files for people: PDF, HTML, JSON, CSV, maps and point clouds.
+    Report(report::ReportArgs),
+    /// Packs with all that somebody needs to compute a survey again, signed.
+    Audit(audit::AuditArgs),
+    /// The books of halls: what was in each bay, survey by survey.
+    Inventory(inventory::InventoryArgs),
     /// Where the vehicle may fly, and where one more marker would help most.
     Plan(PlanArgs),
     /// The autopilot's parameters beside a file's.
@@ -195,6 +209,9 @@ fn main() -> anyhow::Result<ExitCode> {
         Command::Survey(args) => survey::run(&args),
         Command::Calibrate(args) => calibrate::run(&args),
         Command::Change(args) => run_change(&args),
+        Command::Report(args) => report::run(&args),
+        Command::Audit(args) => audit::run(&args),
+        Command::Inventory(args) => inventory::run(&args),
         Command::Plan(args) => plan(&args),
         Command::Params(args) => params::run(&args),
         Command::Doctor(args) => doctor::run(&args),
@@ -280,13 +297,18 @@ async fn fly(config: &Config) -> anyhow::Result<ExitCode> {
     let around = Surroundings { clock: Clock::real(), stop: stop.clone(), waits_for_disk: false };
     let onboard = Box::pin(Onboard::start(config, around)).await?;
     tracing::info!(log = %onboard.log().display(), "recording");
+    if let Some(address) = onboard.page_addr() {
+        tracing::info!("live page: http://{address}/");
+    }
     tokio::select! {
         signal = wait_for_signal() => {
             signal?;
             tracing::info!("ending: the autopilot takes over by its own failsafe");
         }
         () = onboard.ended() => tracing::error!("the brain has stopped by itself"),
+        () = watchdog::feed(&onboard) => {}
     }
+    watchdog::stopping();
     onboard.stop();
     let stats = onboard.join().await?;
     tracing::info!(?stats, "ended");

@@ -49,5 +49,6 @@ mod rect;
 
 pub use grid_map::VolumeVariance;
 pub use mapper::{
-    KnownHeights, Mapper, Method, PoseWithCov, Settings, SolveError, SolveSurface, SolvedSurface,
+    KeptHit, KnownHeights, Mapper, Method, PoseWithCov, Settings, SolveError, SolveSurface,
+    SolvedSurface,
 };

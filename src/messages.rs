@@ -14,8 +14,8 @@ pub use budget::{BudgetRow, BudgetSource, SharedSensitivity, VolumeBudget};
 pub use camera::{CameraId, PointDetection, TagDetection, TagDetections, TagFamily};
 pub use imu::ImuSample;
 pub use map::{
-    DisturbedArea, GridGeometry, HeightMap, HitCounts, Mass, VolumeAccount, VolumeEstimate,
-    VolumeShares,
+    CellCoverage, DisturbedArea, GridGeometry, HeightMap, HitCounts, Mass, VolumeAccount,
+    VolumeEstimate, VolumeShares,
 };
 pub use nav::{
     FixOutcome, FixRecord, FixSource, NavEstimate, PoseError, TagSensitivity, Verdict, state,
@@ -23,7 +23,7 @@ pub use nav::{
 pub use operator::{
     OperatorAnswer, OperatorCommand, OperatorRequest, OperatorVerb, Severity, StatusText,
 };
-pub use scan::{Beam, Scan};
+pub use scan::{Beam, Scan, ScanCorrection};
 pub use setpoint::Setpoint;
 pub use vehicle::{
     AutopilotPose, BatterySample, CommandOutcome, FlightMode, LandedState, TAKE_OFF_HEIGHT_M,

@@ -14,19 +14,21 @@ mod event;
 mod flight_path;
 mod intake;
 mod job;
+mod outlook;
 mod plan_news;
 mod route;
 mod survey_plan;
 
 pub use event::{Action, Event, FlightSummary, JobId, PhaseChange, PlanChoice, VolumeReport};
 pub use job::{Job, JobOutput};
+pub use outlook::Outlook;
 
 use crate::geometry::{Hall, Point};
 use crate::localization::{self, Localizer};
 use crate::mapping::{self, Mapper, SolveError, SolvedSurface};
 use crate::messages::{
     AutopilotPose, BatterySample, DisturbedArea, NavEstimate, OperatorAnswer, OperatorCommand,
-    Scan, Severity, StatusText, VehicleState, VolumeAccount,
+    Scan, ScanCorrection, Severity, StatusText, VehicleState, VolumeAccount,
 };
 use crate::mission::{self, Effect, EnergyGauge, Inputs, Mission, Phase};
 use crate::planning;
@@ -58,6 +60,8 @@ pub struct Settings {
     pub planning: planning::Settings,
     /// Times and levels of the mission.
     pub mission: mission::Settings,
+    /// What is known to be wrong with every beam.
+    pub scan_correction: ScanCorrection,
     /// The surface is solved this often in flight.
     pub solve_interval: Duration,
     /// The volume is reported this often.
@@ -205,6 +209,7 @@ impl Pilot {
                 }
             }
             Event::Scanned(scan) => {
+                let scan = scan.corrected(&self.settings.scan_correction);
                 if !intake::believes_scan(&scan, self.now) {
                     self.mapper.refuse(&scan);
                     return;
@@ -270,10 +275,21 @@ impl Pilot {
         &self.mapper
     }
 
+    /// Keeps every hit that changes the map, for reports: see [`Mapper::keep_hits`].
+    pub fn keep_hits(&mut self) {
+        self.mapper.keep_hits();
+    }
+
     /// The localisation.
     #[must_use]
     pub const fn localizer(&self) -> &Localizer {
         &self.localizer
+    }
+
+    /// What it was made with.
+    #[must_use]
+    pub const fn settings(&self) -> &Settings {
+        &self.settings
     }
 
     /// True once no frame that is still to come can move the pose of an instant.

@@ -4,6 +4,7 @@
 //! brain ─ event, result ─▶ Recorder ─ bounded channel ─▶ thread ─▶ file.mcap
 //! file.mcap ─▶ LogReader ─ events, results ─▶ replay ─▶ ReplayReport
 //!                  └─ events ─▶ read_flights ─▶ turns;  results ─▶ read_accounts ─▶ volumes
+//!                  └─ both ─▶ fly_again ─▶ what a watcher sees, and whether it came out as recorded
 //! ```
 //! | topics | encoding | role |
 //! | --- | --- | --- |
@@ -18,6 +19,7 @@
 //! and hands the output over at the recorded place.
 
 mod accounts;
+mod again;
 mod build;
 mod entry;
 mod flights;
@@ -31,7 +33,10 @@ mod twin;
 mod view;
 mod writer;
 
-pub use accounts::{LoggedAccounts, read_accounts};
+pub use accounts::{
+    LogTimes, LoggedAccounts, accounts_from_json, accounts_to_json, read_accounts, read_times,
+};
+pub use again::{FlownAgain, LoggedVolumes, Watcher, fly_again};
 pub use build::build_identity;
 pub use entry::RecordedEvent;
 pub use flights::{LoggedFlights, read_flights};

@@ -4,6 +4,7 @@
 //! ```text
 //! LOG LOG … ─ events ─▶ turns ─▶ mapping::merge ─▶ one solve ─▶ volumes ─▶ table, JSON, new log
 //!                                    └▶ the likeliest prior ─▶ configuration
+//! LOG ─ flown again ─▶ Flight: volumes, surface, hits, path ─▶ report, exports
 //! LOG ─ events ─▶ scans with their poses ─▶ calibration ─▶ mounting of the LiDAR
 //! EARLIER, LATER ─ recorded volumes ─▶ mapping::change ─▶ Δ ± U, verdict
 //! ```
@@ -12,13 +13,15 @@
 
 mod calibrate;
 mod compare;
+mod flight;
 mod floor;
 mod learn;
 mod merge;
 mod table;
 
-pub use calibrate::{CalibrateError, MountOptions, calibrate_mount};
+pub use calibrate::{CalibrateError, LidarCalibration, MountOptions, calibrate_mount};
 pub use compare::{BayChange, ChangeReport, Origin, Survey, SurveyError, compare};
+pub use flight::{FixStatistics, Flight, Reproduction};
 pub use floor::{Floor, FloorError, FloorMemory, Learned, survey_floor};
 pub use learn::{FieldNumbers, LearnedPrior, learn_prior};
 pub use merge::{MergeLogsError, MergeOptions, MergedLog, MergedSurvey, merge_logs};

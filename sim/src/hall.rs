@@ -11,7 +11,8 @@ use std::path::PathBuf;
 use stockpilot::config::{
     BaySection, CameraSection, Config, ExternalSection, FilterSection, HallSection, LensName,
     LidarSection, LinkSection, LogSection, MarkersSection, MissionSection, MountSection,
-    ObstacleSection, PlanningSection, RectSection, SurfaceSection, TagSection, UncertaintySection,
+    ObstacleSection, PageSection, PlanningSection, RectSection, SurfaceSection, TagSection,
+    UncertaintySection,
 };
 use stockpilot::geometry::{Body, Camera, Frame, Rotation, Transform};
 
@@ -78,6 +79,7 @@ pub fn config(scenario: &Scenario, devices: Devices) -> Config {
         },
         mission: MissionSection::default(),
         log: LogSection { directory: devices.log_directory },
+        page: PageSection { enabled: false, ..PageSection::default() },
         detections: devices.detections,
         cameras: vec![camera(&scenario.camera)],
         markers: MarkersSection::default(),
@@ -206,6 +208,9 @@ fn lidar(name: &str, model: &LidarModel, port: String) -> LidarSection {
         angle_sigma_deg: 0.1,
         min_range_m: 0.15,
         max_range_m: model.range_max_m,
+        range_bias_m: 0.0,
+        range_scale: 0.0,
+        clock_offset_ms: 0.0,
         blind_sectors_deg: Vec::new(),
     }
 }

@@ -16,7 +16,7 @@ use stockpilot_sim::campaign::{self, Witnessed};
 use stockpilot_sim::comparison::{self, ComparisonArgs};
 use stockpilot_sim::consistency::{self, ConsistencyArgs};
 use stockpilot_sim::faults::{self, FaultsArgs};
-use stockpilot_sim::fly::{self, FlyOptions};
+use stockpilot_sim::fly::{self, FlyOptions, PageOptions};
 use stockpilot_sim::lidar_command::{self, LidarArgs};
 use stockpilot_sim::paper::{self, PaperArgs};
 use stockpilot_sim::parallel::{n_cores, run_in_order};
@@ -110,6 +110,13 @@ struct FlyArgs {
     /// Sign the link with the key in this file (64 hexadecimal digits).
     #[arg(long, value_name = "FILE", requires = "autopilot_link")]
     signing_key: Option<PathBuf>,
+    /// Serve the live page at this address (`HOST:PORT`, port 0 for a free one); address and token are
+    /// the first line of the output.
+    #[arg(long, value_name = "ADDRESS", conflicts_with = "autopilot_link")]
+    page: Option<String>,
+    /// Nobody starts the flight but the page, which stays after the landing until Ctrl-C.
+    #[arg(long, requires = "page")]
+    wait: bool,
 }
 
 impl FlyArgs {
@@ -119,6 +126,7 @@ impl FlyArgs {
             directory: self.log.clone(),
             shows_progress: true,
             ground: self.ground.clone(),
+            page: self.page.clone().map(|listen| PageOptions { listen, waits: self.wait }),
         }
     }
 }

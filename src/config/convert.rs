@@ -16,7 +16,7 @@ use crate::planning::external::ExternalSettings;
 use crate::planning::trajectory::Limits;
 use crate::planning::{self, PlannerKind};
 use crate::units::rad_from_deg;
-use crate::{camera, lidar, link, mission, pilot};
+use crate::{camera, lidar, link, mission, pilot, web};
 use std::time::Duration;
 
 /// Variance of the filter's pose over that of one fix: 20 frames a second, each believed for about
@@ -60,6 +60,7 @@ impl Config {
             mapping: self.mapping_settings()?,
             planning: self.planning_settings()?,
             mission: self.mission_settings()?,
+            scan_correction: self.scan_correction()?,
             solve_interval: seconds(
                 "surface.solve_interval_s",
                 self.surface.solve_interval_s,
@@ -137,6 +138,14 @@ impl Config {
         let image_sizes_px =
             intrinsics.map(|found| found.map(|i| i.size_px)).collect::<Result<_, _>>()?;
         Ok(camera::Settings { address, image_sizes_px })
+    }
+
+    /// How the live page is served; `None` if it is not.
+    ///
+    /// # Errors
+    /// A malformed address or name, or a target out of range.
+    pub fn page_settings(&self) -> Result<Option<web::Settings>, ConfigError> {
+        self.page.settings()
     }
 
     /// The effective configuration as TOML.
@@ -339,6 +348,17 @@ impl Config {
                 VarianceUpdateName::Printed => kalman_grid::VarianceUpdate::Printed,
                 VarianceUpdateName::Kalman => kalman_grid::VarianceUpdate::Kalman,
             },
+        })
+    }
+
+    fn scan_correction(&self) -> Result<crate::messages::ScanCorrection, ConfigError> {
+        let l = &self.lidar;
+        let offset_ms =
+            within("lidar.clock_offset_ms", l.clock_offset_ms, (-1000.0, 1000.0), "ms")?;
+        Ok(crate::messages::ScanCorrection {
+            range_bias_m: within("lidar.range_bias_m", l.range_bias_m, (-1.0, 1.0), "m")?,
+            range_scale: within("lidar.range_scale", l.range_scale, (-0.1, 0.1), "")?,
+            clock_offset_s: 1e-3 * offset_ms,
         })
     }
 

@@ -4,6 +4,7 @@ use super::bays::{BaseSection, BaySection, ExclusionSection, default_base_sigma_
 use super::cameras::CameraSection;
 use super::markers::{MarkersSection, PointSection, TagSection};
 use super::obstacles::{FenceSection, ObstacleSection, SpaceSection};
+use super::page::PageSection;
 use super::security::SigningSection;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -34,6 +35,9 @@ pub struct Config {
     /// The flight log.
     #[serde(default)]
     pub log: LogSection,
+    /// The live page.
+    #[serde(default)]
+    pub page: PageSection,
     /// Address where marker detections come in: `udp:HOST:PORT`, `unix:PATH` or
     /// `unix-stream:PATH`.
     #[serde(default = "default_detections")]
@@ -181,6 +185,15 @@ pub struct LidarSection {
     pub min_range_m: f64,
     /// Longer returns are not trusted, m.
     pub max_range_m: f64,
+    /// Ranges come out longer by this, m: what a calibration has found.
+    #[serde(default)]
+    pub range_bias_m: f64,
+    /// Ranges come out longer by this times the distance.
+    #[serde(default)]
+    pub range_scale: f64,
+    /// Stamps come out later by this, ms.
+    #[serde(default)]
+    pub clock_offset_ms: f64,
     /// Sectors [from, to] of the beam angle that the own body hides, deg, −180 to 180.
     #[serde(default)]
     pub blind_sectors_deg: Vec<[f64; 2]>,

@@ -49,9 +49,9 @@ pub struct HeatMap {
 
 /// Length of the map's longer side, units of the picture.
 const LONG_SIDE: f64 = 460.0;
-const TOP: i32 = 42;
-const LEFT: i32 = 64;
-const BELOW: i32 = 52;
+pub(super) const TOP: i32 = 42;
+pub(super) const LEFT: i32 = 64;
+pub(super) const BELOW: i32 = 52;
 const BAR_GAP: i32 = 20;
 const BAR_WIDTH: i32 = 18;
 const BAR_LABELS: i32 = 62;
@@ -59,8 +59,8 @@ const BAR_TITLE: i32 = 30;
 const TICK: i32 = 6;
 /// Free ground around an overlay that reaches beyond the lattice, m.
 const MARGIN_M: f64 = 0.5;
-const UNKNOWN: RGBColor = RGBColor(222, 222, 222);
-const FRAME: RGBColor = RGBColor(60, 60, 60);
+pub(super) const UNKNOWN: RGBColor = RGBColor(222, 222, 222);
+pub(super) const FRAME: RGBColor = RGBColor(60, 60, 60);
 /// Shades of the map; neighbouring cells of one shade become one rectangle.
 const N_SHADES: f64 = 128.0;
 
@@ -99,6 +99,30 @@ impl Lattice {
         ends
     }
 
+    /// Shows neighbours in a row that look the same as one rectangle: its upper left and lower right
+    /// corner, m, and the look.
+    pub(super) fn for_each_run<T: PartialEq + Copy>(
+        &self,
+        look: impl Fn(f64) -> Option<T>,
+        mut visit: impl FnMut([f64; 2], [f64; 2], Option<T>) -> Result<(), FigureError>,
+    ) -> Result<(), FigureError> {
+        let half_m = 0.5 * self.cell_m;
+        for row in 0..self.n_rows() {
+            let first = row * self.n_cols;
+            let looks: Vec<Option<T>> =
+                self.values[first..first + self.n_cols].iter().map(|value| look(*value)).collect();
+            let mut from = 0;
+            for run in looks.chunk_by(|a, b| a == b) {
+                let to = from + run.len() - 1;
+                let [x0, y0] = self.centre_m(first + from);
+                let [x1, _] = self.centre_m(first + to);
+                visit([x0 - half_m, y0 + half_m], [x1 + half_m, y0 - half_m], run[0])?;
+                from = to + 1;
+            }
+        }
+        Ok(())
+    }
+
     /// Centre of a cell, m.
     #[expect(clippy::cast_precision_loss, reason = "lattices are small")]
     fn centre_m(&self, k: usize) -> [f64; 2] {
@@ -112,17 +136,17 @@ impl Lattice {
 
 /// Where the hall lies on the picture.
 #[derive(Debug, Clone, Copy)]
-struct View {
+pub(super) struct View {
     /// Lower left and upper right corner of what is shown, m.
     min_m: [f64; 2],
     max_m: [f64; 2],
     /// The map's size on the picture.
-    size: (i32, i32),
+    pub(super) size: (i32, i32),
 }
 
 impl View {
     #[expect(clippy::cast_possible_truncation, reason = "pictures are small")]
-    fn of(map: &HeatMap) -> Self {
+    pub(super) fn of(map: &HeatMap) -> Self {
         let grid = &map.grid;
         let (mut min_m, mut max_m) = ([grid.x_min_m, grid.y_min_m], grid.far_corner_m());
         for point in map.overlays.iter().flat_map(|overlay| &overlay.points_m) {
@@ -144,7 +168,7 @@ impl View {
 
     /// From hall to the map's part of the picture.
     #[expect(clippy::cast_possible_truncation, reason = "pictures are small")]
-    fn place(&self, point_m: &[f64; 2]) -> (i32, i32) {
+    pub(super) fn place(&self, point_m: &[f64; 2]) -> (i32, i32) {
         let share = |k: usize| (point_m[k] - self.min_m[k]) / (self.max_m[k] - self.min_m[k]);
         let (width, height) = (f64::from(self.size.0), f64::from(self.size.1));
         ((share(0) * width).round() as i32, ((1.0 - share(1)) * height).round() as i32)
@@ -152,7 +176,7 @@ impl View {
 }
 
 impl HeatMap {
-    fn check(&self) -> Result<(), FigureError> {
+    pub(super) fn check(&self) -> Result<(), FigureError> {
         let grid = &self.grid;
         let is_whole = grid.n_cols > 0
             && !grid.values.is_empty()
@@ -183,7 +207,7 @@ impl HeatMap {
         }
     }
 
-    fn entries(&self) -> Vec<Entry> {
+    pub(super) fn entries(&self) -> Vec<Entry> {
         let mut entries: Vec<Entry> = Vec::new();
         for overlay in self.overlays.iter().filter(|overlay| !overlay.label.is_empty()) {
             if entries.last().is_none_or(|last| last.label != overlay.label) {
@@ -195,28 +219,15 @@ impl HeatMap {
     }
 
     fn draw_cells(&self, area: &Area<'_>, view: &View) -> Result<(), FigureError> {
-        let grid = &self.grid;
         let [low, high] = self.shown_range();
-        let half_m = 0.5 * grid.cell_m;
-        for row in 0..grid.n_rows() {
-            let cells = row * grid.n_cols..(row + 1) * grid.n_cols;
-            let shades: Vec<Option<f64>> =
-                cells.clone().map(|k| shade(grid.values[k], low, high)).collect();
-            let mut from = 0;
-            for run in shades.chunk_by(|a, b| a == b) {
-                let to = from + run.len() - 1;
-                let [x0, y0] = grid.centre_m(cells.start + from);
-                let [x1, _] = grid.centre_m(cells.start + to);
-                let corners = [
-                    view.place(&[x0 - half_m, y0 + half_m]),
-                    view.place(&[x1 + half_m, y0 - half_m]),
-                ];
-                let colour = run[0].map_or(UNKNOWN, colour);
-                drawn(area.draw(&Rectangle::new(corners, colour.filled())))?;
-                from = to + 1;
-            }
-        }
-        Ok(())
+        self.grid.for_each_run(
+            |value| shade(value, low, high),
+            |from_m, to_m, shade| {
+                let corners = [view.place(&from_m), view.place(&to_m)];
+                let colour = shade.map_or(UNKNOWN, colour);
+                drawn(area.draw(&Rectangle::new(corners, colour.filled())))
+            },
+        )
     }
 }
 
@@ -252,7 +263,7 @@ fn colour(share: f64) -> RGBColor {
 }
 
 /// Axes in metres around the map, which has its place at (`LEFT`, `TOP`).
-fn draw_axes(root: &Area<'_>, view: &View) -> Result<(), FigureError> {
+pub(super) fn draw_axes(root: &Area<'_>, view: &View) -> Result<(), FigureError> {
     let (width, height) = view.size;
     let area = part(root, (0, TOP), (LEFT + width, height + BELOW));
     let [x, y] = [0, 1].map(|k| view.min_m[k]..view.max_m[k]);

@@ -15,7 +15,8 @@ use super::sparse_gp::GpError;
 use super::volume::Base;
 use crate::geometry::{Body, Hall, Transform};
 use crate::messages::{
-    Beam, DisturbedArea, GridGeometry, HeightMap, HitCounts, PoseError, Scan, VolumeAccount,
+    Beam, CellCoverage, DisturbedArea, GridGeometry, HeightMap, HitCounts, PoseError, Scan,
+    VolumeAccount,
 };
 use crate::time::{Mono, Stamp};
 use nalgebra::{Matrix6, Vector3};
@@ -71,6 +72,21 @@ pub struct Mapper {
     lowest_m: f64,
     counts: HitCounts,
     on_grid: OnGrid,
+    /// Every hit, if somebody wants them: not in flight.
+    kept: Option<Vec<KeptHit>>,
+}
+
+/// A hit that changed the map, for those who want each of them.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct KeptHit {
+    /// When its beam was measured.
+    pub at: Stamp<Mono>,
+    /// Where it is in the hall, m.
+    pub place_m: [f64; 3],
+    /// Standard deviation of its height, m, the pose's share included.
+    pub height_sigma_m: f64,
+    /// Strength of the return, in the sensor's own scale.
+    pub intensity: u8,
 }
 
 /// What the paper's grid holds, which cannot give back a single hit.
@@ -108,7 +124,19 @@ impl Mapper {
             bays,
             counts: HitCounts::default(),
             on_grid: OnGrid::default(),
+            kept: None,
         }
+    }
+
+    /// Keeps every hit from now on; a flight has some hundred thousand of 48 bytes.
+    pub fn keep_hits(&mut self) {
+        self.kept.get_or_insert_default();
+    }
+
+    /// The hits that changed the map as it is now, in their order; none unless they are kept.
+    #[must_use]
+    pub fn kept_hits(&self) -> &[KeptHit] {
+        self.kept.as_deref().unwrap_or(&[])
     }
 
     /// Takes in a turn of the scanner; `pose_at` gives the pose at a beam's own time, `error_at` the
@@ -130,6 +158,9 @@ impl Mapper {
                     self.grid.insert(&seen.hit, &self.settings.region);
                     self.on_grid.n_beams += 1;
                     self.on_grid.newest_at = self.on_grid.newest_at.max(Some(middle));
+                    if let Some(kept) = &mut self.kept {
+                        kept.push(kept_hit(&seen.hit, beam, scan.beam_at(beam)));
+                    }
                     if shared.is_some() {
                         hits.push(self.line_hit(&seen.hit, &seen.hall_from_body));
                     }
@@ -209,6 +240,9 @@ impl Mapper {
     /// The field gives back its turns. The paper's grid cannot give back single hits: where it is
     /// the map, it begins anew; beside a field, where only the paper's planner reads it, it stays.
     pub fn forget_since(&mut self, since: Stamp<Mono>) -> u64 {
+        if let Some(kept) = &mut self.kept {
+            kept.retain(|hit| hit.at <= since);
+        }
         let n_beams = match &mut self.field {
             Some(field) => field.forget_since(since),
             None if self.on_grid.newest_at > Some(since) => {
@@ -226,6 +260,7 @@ impl Mapper {
     pub fn restart(&mut self) {
         self.grid.restart();
         self.on_grid = OnGrid::default();
+        self.kept.iter_mut().for_each(Vec::clear);
         if let Some(field) = &mut self.field {
             field.restart();
         }
@@ -351,6 +386,15 @@ impl Mapper {
     }
 }
 
+fn kept_hit(hit: &Hit, beam: &Beam, at: Stamp<Mono>) -> KeptHit {
+    KeptHit {
+        at,
+        place_m: hit.place.coords.into(),
+        height_sigma_m: hit.cov_m2[(2, 2)].max(0.0).sqrt(),
+        intensity: beam.intensity,
+    }
+}
+
 /// When half of a scan's time is over.
 fn middle_of(scan: &Scan) -> Stamp<Mono> {
     scan.start
@@ -416,6 +460,8 @@ pub struct SolvedSurface {
     pub accounts: Vec<VolumeAccount>,
     /// The surface; its σ is the cells' own where the marginals were not asked for.
     pub surface: HeightMap,
+    /// How each cell of the surface is known.
+    pub coverage: Vec<CellCoverage>,
     /// Beams that hit something, but not the surface: dust, edges, machines.
     pub n_beams_refused: u64,
     /// Ground that something has covered or changed since it was last seen, the largest area first.

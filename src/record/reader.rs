@@ -60,6 +60,8 @@ pub struct LogReader<R> {
     has_footer: bool,
     n_lost: u64,
     damage: Option<String>,
+    notes: BTreeMap<String, String>,
+    began_at: Option<Stamp<Mono>>,
 }
 
 impl<R> fmt::Debug for LogReader<R> {
@@ -97,7 +99,22 @@ impl<R: Read> LogReader<R> {
             has_footer: false,
             n_lost: 0,
             damage: None,
+            notes: BTreeMap::new(),
+            began_at: None,
         }
+    }
+
+    /// What was noted at the head of the file, such as civil time at its start; known once the first
+    /// item was read.
+    #[must_use]
+    pub const fn notes(&self) -> &BTreeMap<String, String> {
+        &self.notes
+    }
+
+    /// When the log began; known once the first item was read.
+    #[must_use]
+    pub const fn began_at(&self) -> Option<Stamp<Mono>> {
+        self.began_at
     }
 
     /// True once everything was read, the file has its proper end, and nothing is missing in it.
@@ -146,9 +163,17 @@ impl<R: Read> LogReader<R> {
                 Ok(None)
             }
             Record::Message { header, data } => match self.topics.get(&header.channel_id) {
-                Some(topic) => read_message(*topic, header.log_time, &data).map(Some),
+                Some(topic) => {
+                    let at = Stamp::from_nanos(i64::try_from(header.log_time).unwrap_or(i64::MAX));
+                    self.began_at.get_or_insert(at);
+                    read_message(*topic, at, &data).map(Some)
+                }
                 None => Ok(None),
             },
+            Record::Metadata(metadata) => {
+                self.notes.extend(metadata.metadata);
+                Ok(None)
+            }
             Record::Footer(_) => {
                 self.has_footer = true;
                 Ok(None)
@@ -185,9 +210,8 @@ impl<R: Read> Iterator for LogReader<R> {
     }
 }
 
-fn read_message(topic: Topic, log_time: u64, json: &[u8]) -> Result<LogItem, String> {
+fn read_message(topic: Topic, at: Stamp<Mono>, json: &[u8]) -> Result<LogItem, String> {
     let bad = |error: serde_json::Error| format!("bad message on {}: {error}", topic.name());
-    let at = Stamp::from_nanos(i64::try_from(log_time).unwrap_or(i64::MAX));
     if let Some(event) = decode_event(topic, json) {
         return Ok(LogItem::Event { at, event: event.map_err(bad)? });
     }

@@ -16,7 +16,7 @@ use crate::config::{BaySection, Config, ConfigError};
 use crate::mapping::change::{Change, ChangeError, ChangeVerdict, SurveyVolume, change};
 use crate::mapping::density::Density;
 use crate::mapping::statement::Statement;
-use crate::messages::{BudgetSource, Mass, VolumeAccount, VolumeEstimate};
+use crate::messages::{BudgetSource, HeightMap, Mass, VolumeAccount, VolumeEstimate};
 use crate::record::read_accounts;
 use crate::record::replay::ReplayError;
 use std::collections::BTreeMap;
@@ -78,6 +78,8 @@ pub struct Survey {
     pub config: Config,
     /// The whole region first, then its bays.
     pub accounts: Vec<VolumeAccount>,
+    /// The newest surface, if the log holds one.
+    pub surface: Option<HeightMap>,
     /// The volumes are those after the landing.
     pub is_final: bool,
 }
@@ -164,6 +166,7 @@ impl Survey {
             path: path.to_owned(),
             config: Config::from_toml(&read.config_toml, path)?,
             accounts: read.accounts,
+            surface: read.surface,
             is_final: read.is_final,
         })
     }

@@ -3,7 +3,7 @@
 use std::ops::RangeInclusive;
 
 /// Modules of `stockpilot` with their ranks; a module names lower ranks only.
-const RANKS: [(&str, u8); 22] = [
+const RANKS: [(&str, u8); 26] = [
     ("units", 0),
     ("time", 0),
     ("geometry", 1),
@@ -19,14 +19,19 @@ const RANKS: [(&str, u8); 22] = [
     ("lidar", 7),
     ("camera", 7),
     ("record", 7),
-    ("web", 7),
-    ("report", 7),
     ("figure", 7),
-    // The file twins of the settings of rank 7 are converted there.
-    ("config", 8),
-    ("service", 9),
-    ("survey", 9),
-    ("doctor", 10),
+    ("pdf", 7),
+    ("export", 7),
+    // It shows what the edges of rank 7 say of themselves.
+    ("web", 8),
+    // The file twins of the settings of the ranks below are converted there.
+    ("config", 9),
+    ("service", 10),
+    ("survey", 10),
+    ("doctor", 11),
+    ("report", 11),
+    ("inventory", 11),
+    ("audit", 12),
 ];
 
 /// Ranks that do no I/O.

@@ -261,7 +261,7 @@ pub(in crate::record) struct FixTwin {
     verdict: Verdict,
 }
 
-#[derive(Serialize, JsonSchema)]
+#[derive(Serialize, Deserialize, JsonSchema)]
 #[serde(remote = "GridGeometry")]
 struct GridTwin {
     x_min_m: f64,
@@ -271,7 +271,7 @@ struct GridTwin {
     n_rows: usize,
 }
 
-#[derive(Serialize, JsonSchema)]
+#[derive(Serialize, Deserialize, JsonSchema)]
 #[serde(remote = "HeightMap")]
 pub(in crate::record) struct SurfaceTwin {
     #[serde(rename = "at_ns", with = "Nanos")]

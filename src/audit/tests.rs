@@ -1,0 +1,55 @@
+use super::*;
+use std::os::unix::fs::PermissionsExt as _;
+
+#[test]
+fn a_key_is_for_its_owner_only_and_never_overwritten() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("audit.key");
+    let public_path = make_key(&path).expect("a key");
+    let mode = std::fs::metadata(&path).expect("a file").permissions().mode() & 0o777;
+    assert_eq!(mode, 0o600);
+    let key = AuditKey::read(&path).expect("a key");
+    let public = read_public_key(&public_path).expect("a key");
+    assert_eq!(public.to_base64(), key.public.to_base64());
+    assert!(!format!("{key:?}").contains("secret"), "the secret half is shown");
+    let before = std::fs::read(&path).expect("a file");
+    assert!(matches!(make_key(&path), Err(AuditError::File { .. })));
+    assert_eq!(std::fs::read(&path).expect("a file"), before);
+    std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o640)).expect("a mode");
+    assert!(matches!(AuditKey::read(&path), Err(AuditError::SharedKey { mode: 0o640, .. })));
+}
+
+#[test]
+fn a_name_with_a_path_does_not_reach_out_of_the_pack() {
+    let folder = tempfile::tempdir().expect("a folder");
+    make_key(&folder.path().join("a.key")).expect("a key");
+    let key = AuditKey::read(&folder.path().join("a.key")).expect("a key");
+    let pack = folder.path().join("pack");
+    std::fs::create_dir(&pack).expect("a folder");
+    let sums = format!("{}  ../a.key\n", "0".repeat(64));
+    let signature = minisign::sign(Some(&key.public), &key.secret, sums.as_bytes(), None, None)
+        .expect("a signature");
+    std::fs::write(pack.join(SUMS), &sums).expect("a file");
+    std::fs::write(pack.join(SIGNATURE), signature.into_string()).expect("a file");
+    let found = verify(&pack, Some(&key.public)).expect("a verification");
+    assert_eq!(found.findings, [Finding::BadList(sums.trim_end().to_owned())]);
+    assert!(found.volumes.is_none());
+}
+
+#[test]
+fn another_key_is_told() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for name in ["a.key", "b.key"] {
+        make_key(&folder.path().join(name)).expect("a key");
+    }
+    let read = |name: &str| AuditKey::read(&folder.path().join(name)).expect("a key");
+    let (a, b) = (read("a.key"), read("b.key"));
+    let pack = folder.path().join("pack");
+    std::fs::create_dir(&pack).expect("a folder");
+    std::fs::write(pack.join(SUMS), "").expect("a file");
+    let signature =
+        minisign::sign(Some(&a.public), &a.secret, &b""[..], None, None).expect("a signature");
+    std::fs::write(pack.join(SIGNATURE), signature.into_string()).expect("a file");
+    let findings = verify(&pack, Some(&b.public)).expect("a verification").findings;
+    assert!(matches!(findings[..], [Finding::BadSignature(_)]), "{findings:?}");
+}

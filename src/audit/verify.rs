@@ -1,0 +1,171 @@
+//! Checking a pack.
+
+use super::pack::{PackedVolume, PackedVolumes};
+use super::{AuditError, CONFIG, PUBLIC_KEY, SIGNATURE, SUMS, VOLUMES, at, read_public_key};
+use crate::export::sha256_of_file;
+use crate::survey::{Flight, Reproduction};
+use minisign::{PublicKey, SignatureBox};
+use std::collections::BTreeSet;
+use std::fmt;
+use std::path::Path;
+
+/// Something that is not as it was packed.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Finding {
+    /// The list is not signed by the key.
+    BadSignature(String),
+    /// The list is no list.
+    BadList(String),
+    /// A file of the list is not there or cannot be read.
+    Missing(String),
+    /// A file is not what was packed.
+    Changed(String),
+    /// A file is not in the list.
+    Added(String),
+    /// The log is flown with another configuration than the pack says.
+    OtherConfiguration,
+    /// The volumes are not those of the log, to the last bit.
+    OtherVolumes(String),
+    /// This build does not compute the recorded volumes again.
+    NotReproduced(String),
+}
+
+impl fmt::Display for Finding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::BadSignature(why) => write!(f, "{SUMS} is not signed by this key: {why}"),
+            Self::BadList(line) => write!(f, "{SUMS}: {line:?} is no line of a list"),
+            Self::Missing(name) => write!(f, "{name} is missing"),
+            Self::Changed(name) => write!(f, "{name} is not what was packed"),
+            Self::Added(name) => write!(f, "{name} was not packed"),
+            Self::OtherConfiguration => write!(f, "{CONFIG} is not the log's configuration"),
+            Self::OtherVolumes(name) => {
+                write!(f, "{VOLUMES}: the volumes of {name} are not the log's")
+            }
+            Self::NotReproduced(build) => {
+                write!(f, "this build does not compute the same; it was flown with {build}")
+            }
+        }
+    }
+}
+
+/// What the check of a pack found.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Verification {
+    /// What is not as it was packed; empty if all is well.
+    pub findings: Vec<Finding>,
+    /// Files that are as they were packed.
+    pub n_files: usize,
+    /// The volumes, if they were computed again and came out to the last bit.
+    pub volumes: Option<PackedVolumes>,
+    /// The key came from the pack itself: anybody may have signed it.
+    pub key_is_from_pack: bool,
+}
+
+/// Checks a pack: signature, every file, and the volumes, computed again from the log.
+///
+/// With a finding about the files nothing is computed: the log is not trusted. Without a public key
+/// the pack's own is taken, which says that nothing was changed since the signing, not who signed.
+///
+/// # Errors
+/// Files that cannot be read at all, or a log that cannot be flown again.
+pub fn verify(folder: &Path, public_key: Option<&PublicKey>) -> Result<Verification, AuditError> {
+    let own;
+    let key = match public_key {
+        Some(key) => key,
+        None => {
+            own = read_public_key(&folder.join(PUBLIC_KEY))?;
+            &own
+        }
+    };
+    let sums = read(folder, SUMS)?;
+    let mut findings = Vec::new();
+    if let Err(cause) = signed(folder, &sums, key)? {
+        findings.push(Finding::BadSignature(cause));
+    }
+    let (listed, n_files) = check_files(folder, &sums, &mut findings);
+    check_added(folder, &listed, &mut findings)?;
+    let volumes = if findings.is_empty() { recompute(folder, &mut findings)? } else { None };
+    Ok(Verification { findings, n_files, volumes, key_is_from_pack: public_key.is_none() })
+}
+
+fn read(folder: &Path, name: &str) -> Result<Vec<u8>, AuditError> {
+    let path = folder.join(name);
+    std::fs::read(&path).map_err(at(&path))
+}
+
+fn signed(folder: &Path, sums: &[u8], key: &PublicKey) -> Result<Result<(), String>, AuditError> {
+    let text = String::from_utf8_lossy(&read(folder, SIGNATURE)?).into_owned();
+    let checked = SignatureBox::from_string(&text).and_then(|signature| {
+        minisign::verify(key, &signature, std::io::Cursor::new(sums), true, false, false)
+    });
+    Ok(checked.map_err(|cause| cause.to_string()))
+}
+
+/// Checks the sums of all listed files; their names, and how many are right.
+fn check_files(
+    folder: &Path,
+    sums: &[u8],
+    findings: &mut Vec<Finding>,
+) -> (BTreeSet<String>, usize) {
+    let text = String::from_utf8_lossy(sums);
+    let (mut listed, mut n_right) = (BTreeSet::new(), 0);
+    for line in text.lines() {
+        // A name with a path in it would reach out of the pack.
+        let entry = line.split_once("  ").filter(|(_, name)| !name.contains(['/', '\0']));
+        let Some((sum, name)) = entry else {
+            findings.push(Finding::BadList(line.to_owned()));
+            continue;
+        };
+        listed.insert(name.to_owned());
+        match sha256_of_file(&folder.join(name)) {
+            Ok(found) if found == sum => n_right += 1,
+            Ok(_) => findings.push(Finding::Changed(name.to_owned())),
+            Err(_) => findings.push(Finding::Missing(name.to_owned())),
+        }
+    }
+    (listed, n_right)
+}
+
+fn check_added(
+    folder: &Path,
+    listed: &BTreeSet<String>,
+    findings: &mut Vec<Finding>,
+) -> Result<(), AuditError> {
+    let mut names = BTreeSet::new();
+    for entry in std::fs::read_dir(folder).map_err(at(folder))? {
+        names.insert(entry.map_err(at(folder))?.file_name().to_string_lossy().into_owned());
+    }
+    let is_known = |name: &String| listed.contains(name) || name == SUMS || name == SIGNATURE;
+    findings.extend(names.into_iter().filter(|name| !is_known(name)).map(Finding::Added));
+    Ok(())
+}
+
+/// Flies the log again and compares volumes and configuration to the last bit.
+fn recompute(
+    folder: &Path,
+    findings: &mut Vec<Finding>,
+) -> Result<Option<PackedVolumes>, AuditError> {
+    let packed: PackedVolumes = serde_json::from_slice(&read(folder, VOLUMES)?)?;
+    let flight = Flight::read(&folder.join(&packed.log))?;
+    if flight.reproduction != Reproduction::Identical {
+        findings.push(Finding::NotReproduced(flight.build.clone()));
+    }
+    if read(folder, CONFIG)? != flight.config_toml.as_bytes() {
+        findings.push(Finding::OtherConfiguration);
+    }
+    let computed: Vec<PackedVolume> = flight.accounts.iter().map(PackedVolume::from).collect();
+    if computed.len() != packed.volumes.len() {
+        findings.push(Finding::OtherVolumes("some bays".to_owned()));
+    }
+    for (computed, packed) in std::iter::zip(&computed, &packed.volumes) {
+        let is_same = computed.bits == packed.bits
+            && computed.name == packed.name
+            && computed.volume_m3.to_bits() == packed.volume_m3.to_bits()
+            && computed.sigma_m3.to_bits() == packed.sigma_m3.to_bits();
+        if !is_same {
+            findings.push(Finding::OtherVolumes(packed.name.clone()));
+        }
+    }
+    Ok(findings.is_empty().then_some(packed))
+}

@@ -1,0 +1,71 @@
+//! The books of a hall: its surveys in one SQLite file, what was in each bay and what has changed.
+//!
+//! | table | one row for each |
+//! | --- | --- |
+//! | `hall` | hall, by its name |
+//! | `bay` | bay of a hall, and the hall as a whole |
+//! | `survey` | log: its SHA-256, its configuration, when it measured |
+//! | `volume` | bay of a survey: volume, σ, mass, and the whole account |
+//!
+//! Ids are stable: they are made from names and from the log's sum, so the same survey has the same id in
+//! every file. A survey is added in one transaction; a log that is there already is not added again, also
+//! under another name. Nothing is ever changed or taken out.
+//!
+//! The rows hold what a log recorded; whether it can be computed again, `report` and `audit` say.
+
+mod history;
+mod ids;
+mod store;
+mod table;
+
+pub use history::{HistoryLine, history};
+pub use store::{Added, Inventory, StoredSurvey};
+pub use table::history_table;
+
+use crate::record::replay::ReplayError;
+use crate::survey::SurveyError;
+use std::path::PathBuf;
+
+/// Why the books cannot be read or written.
+#[derive(Debug, thiserror::Error)]
+pub enum InventoryError {
+    /// From the database.
+    #[error("the books: {0}")]
+    Database(#[from] rusqlite::Error),
+    /// The file is of a newer program.
+    #[error("the books have version {found}, this program knows {known}")]
+    Version {
+        /// What the file has.
+        found: i64,
+        /// What the program knows.
+        known: i64,
+    },
+    /// A log cannot be read or compared.
+    #[error(transparent)]
+    Survey(#[from] SurveyError),
+    /// A log cannot be read.
+    #[error(transparent)]
+    Log(#[from] ReplayError),
+    /// A file cannot be read.
+    #[error("{}: {source}", path.display())]
+    File {
+        /// Which.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// An account cannot be written or read.
+    #[error("an account in the books: {0}")]
+    Account(#[from] serde_json::Error),
+    /// The log is of a flight under way.
+    #[error(
+        "{} holds no result after a landing; if it is cut, `stockpilot merge` makes one", path.display()
+    )]
+    NotFinal {
+        /// Which.
+        path: PathBuf,
+    },
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,41 @@
+//! Ids that are the same in every file.
+
+use crate::export::sha256_of_bytes;
+
+/// Digits of a sum that make an id: 64 bits.
+const N_DIGITS: usize = 16;
+
+fn id(kind: &str, of: &str) -> String {
+    let sum = sha256_of_bytes(of.as_bytes());
+    format!("{kind}-{}", &sum[..N_DIGITS])
+}
+
+/// The id of a hall.
+pub(super) fn of_hall(name: &str) -> String {
+    id("hall", name)
+}
+
+/// The id of a bay. Names cannot hold a line's end, so no two pairs are one text.
+pub(super) fn of_bay(hall_id: &str, name: &str) -> String {
+    id("bay", &format!("{hall_id}\n{name}"))
+}
+
+/// The id of a survey.
+pub(super) fn of_survey(log_sha256: &str) -> String {
+    format!("survey-{}", &log_sha256[..N_DIGITS.min(log_sha256.len())])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// They stand in other programs' tables: a change here would tear them apart.
+    #[test]
+    fn ids_stay_what_they_are() {
+        // printf 'Nord' | sha256sum; printf 'hall-…\nsalt' | sha256sum
+        assert_eq!(of_hall("Nord").len(), 21);
+        assert_eq!(of_hall("Nord"), of_hall("Nord"));
+        assert_ne!(of_bay(&of_hall("Nord"), "salt"), of_bay(&of_hall("Süd"), "salt"));
+        assert_eq!(of_survey("0123456789abcdef0123"), "survey-0123456789abcdef");
+    }
+}

@@ -1,0 +1,137 @@
+use super::*;
+use crate::config::Config;
+use crate::mapping::change::USUAL_RISK;
+use crate::messages::{
+    BudgetRow, BudgetSource, HitCounts, Mass, VolumeAccount, VolumeBudget, VolumeEstimate,
+    VolumeShares,
+};
+use crate::pilot::{Action, FlightSummary};
+use crate::record::{LogHeader, Recorder};
+use crate::time::Stamp;
+use std::path::{Path, PathBuf};
+
+fn account(name: &str, volume_m3: f64) -> VolumeAccount {
+    let mut budget = VolumeBudget {
+        rows: vec![BudgetRow { source: BudgetSource::Pose, var_m6: 0.25 }],
+        shared: Vec::new(),
+    };
+    // A floor that is wrong by 5 mm under 400 m²: it cancels between surveys.
+    budget.push_shared(BudgetSource::Base, &[(-400.0, 0.005)]);
+    VolumeAccount {
+        name: name.to_owned(),
+        estimate: VolumeEstimate {
+            at: Stamp::ZERO,
+            volume_m3,
+            sigma_m3: budget.var_m6().sqrt(),
+            coverage_ratio: 1.0,
+        },
+        mass: Some(Mass { mass_t: 1.6 * volume_m3, sigma_t: 4.0 }),
+        budget,
+        shares: VolumeShares { measured_ratio: 1.0, ..VolumeShares::default() },
+    }
+}
+
+/// A log as `merge` writes it: results only.
+fn log(folder: &Path, name: &str, started_utc: &str, volume_m3: f64) -> PathBuf {
+    let path = folder.join(name);
+    let example = Path::new(env!("CARGO_MANIFEST_DIR")).join("deploy/config.example.toml");
+    let config: Config = crate::config::load(&example, &[]).expect("the example");
+    let header = LogHeader {
+        started_at: Stamp::ZERO,
+        config_toml: config.to_toml().expect("TOML"),
+        notes: [("started_utc".to_owned(), started_utc.to_owned())].into(),
+    };
+    let accounts = vec![account("hall", volume_m3)];
+    let summary = FlightSummary {
+        at: Stamp::ZERO,
+        volume: accounts[0].estimate,
+        accounts: accounts.clone(),
+        hits: HitCounts::default(),
+        steps_done: 0,
+        path_length_m: 0.0,
+        is_complete: true,
+    };
+    let mut recorder = Recorder::create(&path, &header).expect("a log").waiting();
+    recorder.result(Stamp::ZERO, &Action::VolumesAccounted(accounts));
+    recorder.result(Stamp::ZERO, &Action::Ended(Box::new(summary)));
+    let _stats = recorder.close();
+    path
+}
+
+fn new_id(added: Added) -> String {
+    match added {
+        Added::New { id } => id,
+        Added::Known { id } => panic!("{id} was there already"),
+    }
+}
+
+#[test]
+fn a_history_stands_in_the_order_of_time_and_shared_errors_cancel() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let mut books = Inventory::open(&folder.join("books.sqlite")).expect("books");
+    // Added out of order.
+    let logs = [
+        ("b.mcap", "2026-03-02T06:00:00Z", 412.0),
+        ("a.mcap", "2026-03-01T06:00:00Z", 410.0),
+        ("c.mcap", "2026-03-03T06:00:00Z", 300.0),
+    ];
+    for (name, at, volume_m3) in logs {
+        new_id(books.add("Nord", &log(folder, name, at, volume_m3)).expect("added"));
+    }
+    new_id(books.add("Süd", &log(folder, "d.mcap", "2026-03-01T00:00:00Z", 9.0)).expect("added"));
+    let surveys = books.surveys(Some("Nord")).expect("surveys");
+    let lines = history(&surveys, None, USUAL_RISK);
+    let volumes: Vec<f64> = lines.iter().map(|line| line.volume_m3).collect();
+    assert_eq!(volumes, [410.0, 412.0, 300.0]);
+    assert_eq!(lines[0].change_m3, None);
+    // √(0.25 + 0.25) = 0.707 m³, times 2: the floor's 2 m³ are gone.
+    let expanded = lines[1].change_expanded_m3.expect("a change");
+    assert!((expanded - 2.0_f64.sqrt()).abs() < 1e-9, "{expanded}");
+    assert!(lines[1].change_is_significant.expect("a verdict"), "2 m³ are 2.8 σ");
+    assert!((lines[2].change_m3.expect("a change") + 112.0).abs() < 1e-9);
+    assert_eq!(lines[0].bay_id, lines[2].bay_id);
+    assert_eq!(history(&surveys, Some("no such bay"), USUAL_RISK), []);
+    // Another hall's survey is no earlier one of this.
+    let all = history(&books.surveys(None).expect("surveys"), None, USUAL_RISK);
+    assert_eq!(all.iter().filter(|line| line.change_m3.is_none()).count(), 2);
+    assert_ne!(all[0].bay_id, all[3].bay_id);
+    let table = history_table(&lines);
+    assert!(table.contains("Nord, hall") && table.contains("significant"), "{table}");
+}
+
+#[test]
+fn the_same_log_counts_once_under_any_name() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let path = folder.join("books.sqlite");
+    let first = log(folder, "a.mcap", "2026-03-01T06:00:00Z", 410.0);
+    let copy = folder.join("copy.mcap");
+    std::fs::copy(&first, &copy).expect("a copy");
+    let id = new_id(Inventory::open(&path).expect("books").add("Nord", &first).expect("added"));
+    // Also after the books were closed, and for another hall.
+    let mut books = Inventory::open(&path).expect("books");
+    for (hall, log) in [("Nord", &first), ("Nord", &copy), ("Süd", &copy)] {
+        assert_eq!(books.add(hall, log).expect("known"), Added::Known { id: id.clone() });
+    }
+    let surveys = books.surveys(None).expect("surveys");
+    assert_eq!(surveys.len(), 1);
+    // What is read back is what the log holds, to the last bit.
+    assert_eq!(surveys[0].survey.accounts, [account("hall", 410.0)]);
+    assert_eq!(books.check().expect("a check"), "ok");
+}
+
+#[test]
+fn what_is_no_survey_is_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut books = Inventory::open(&folder.path().join("books.sqlite")).expect("books");
+    assert!(matches!(
+        books.add("Nord", &folder.path().join("none.mcap")),
+        Err(InventoryError::File { .. })
+    ));
+    let text = folder.path().join("text.mcap");
+    std::fs::write(&text, "no log").expect("a file");
+    assert!(matches!(books.add("Nord", &text), Err(InventoryError::Log(_))));
+    assert!(Inventory::open(&text).is_err(), "a text is no database");
+    assert_eq!(books.surveys(None).expect("surveys"), []);
+}

@@ -1,0 +1,142 @@
+//! `stockpilot inventory`: the books of halls.
+
+use clap::{Args, Subcommand, ValueEnum};
+use serde::Serialize;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use stockpilot::inventory::{Added, Inventory, history, history_table};
+use stockpilot::mapping::change::USUAL_RISK;
+
+/// Options of `stockpilot inventory`.
+#[derive(Debug, Args)]
+pub(crate) struct InventoryArgs {
+    /// The books: an SQLite file, made if it is not there.
+    #[arg(long, value_name = "FILE", default_value = "stockpilot-books.sqlite")]
+    books: PathBuf,
+    #[command(subcommand)]
+    command: InventoryCommand,
+}
+
+#[derive(Debug, Subcommand)]
+enum InventoryCommand {
+    /// Add surveys; a log that is there already is not added again.
+    Add {
+        /// The logs, or what `merge` has written.
+        #[arg(required = true, value_name = "LOG")]
+        logs: Vec<PathBuf>,
+        /// The hall that they measured.
+        #[arg(long, value_name = "NAME")]
+        hall: String,
+    },
+    /// The surveys.
+    List {
+        /// Of this hall only.
+        #[arg(long, value_name = "NAME")]
+        hall: Option<String>,
+        /// Print one JSON array.
+        #[arg(long)]
+        json: bool,
+    },
+    /// What was in each bay, survey by survey, and what has changed since the one before.
+    History {
+        /// Of this hall only.
+        #[arg(long, value_name = "NAME")]
+        hall: Option<String>,
+        /// Of this bay only.
+        #[arg(long, value_name = "NAME")]
+        bay: Option<String>,
+        /// How often noise may be called a change, for each line by itself.
+        #[arg(long, default_value_t = USUAL_RISK)]
+        risk: f64,
+        /// For people or for other programs.
+        #[arg(long, value_enum, default_value_t = Form::Table)]
+        form: Form,
+    },
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Form {
+    /// For people.
+    Table,
+    /// One array of objects.
+    Json,
+    /// A head and one row for each volume.
+    Csv,
+}
+
+#[derive(Debug, Serialize)]
+struct SurveyLine {
+    survey_id: String,
+    hall_id: String,
+    hall: String,
+    started_utc: Option<String>,
+    bays: usize,
+    build: String,
+    log: PathBuf,
+    log_sha256: String,
+}
+
+pub(crate) fn run(args: &InventoryArgs) -> anyhow::Result<ExitCode> {
+    let mut books = Inventory::open(&args.books)?;
+    match &args.command {
+        InventoryCommand::Add { logs, hall } => add(&mut books, hall, logs)?,
+        InventoryCommand::List { hall, json } => list(&books, hall.as_deref(), *json)?,
+        InventoryCommand::History { hall, bay, risk, form } => {
+            let surveys = books.surveys(hall.as_deref())?;
+            print_history(&history(&surveys, bay.as_deref(), *risk), *form)?;
+        }
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+#[expect(clippy::print_stdout, reason = "the program's output")]
+fn add(books: &mut Inventory, hall: &str, logs: &[PathBuf]) -> anyhow::Result<()> {
+    for log in logs {
+        match books.add(hall, log)? {
+            Added::New { id } => println!("{}: added as {id}", log.display()),
+            Added::Known { id } => println!("{}: there already as {id}", log.display()),
+        }
+    }
+    Ok(())
+}
+
+#[expect(clippy::print_stdout, reason = "the program's output")]
+fn list(books: &Inventory, hall: Option<&str>, as_json: bool) -> anyhow::Result<()> {
+    let surveys = books.surveys(hall)?;
+    let lines: Vec<SurveyLine> = surveys
+        .into_iter()
+        .map(|stored| SurveyLine {
+            survey_id: stored.id,
+            hall_id: stored.hall_id,
+            hall: stored.hall,
+            started_utc: stored.started_utc,
+            bays: stored.survey.accounts.len(),
+            build: stored.build,
+            log: stored.survey.path,
+            log_sha256: stored.log_sha256,
+        })
+        .collect();
+    if as_json {
+        println!("{}", serde_json::to_string(&lines)?);
+        return Ok(());
+    }
+    for line in &lines {
+        let when = line.started_utc.as_deref().unwrap_or("time unknown");
+        println!("{}  {when}  {}  {}", line.survey_id, line.hall, line.log.display());
+    }
+    Ok(())
+}
+
+#[expect(clippy::print_stdout, reason = "the program's output")]
+fn print_history(lines: &[stockpilot::inventory::HistoryLine], form: Form) -> anyhow::Result<()> {
+    match form {
+        Form::Table => print!("{}", history_table(lines)),
+        Form::Json => println!("{}", serde_json::to_string(lines)?),
+        Form::Csv => {
+            let mut writer = csv::Writer::from_writer(std::io::stdout());
+            lines.iter().try_for_each(|line| writer.serialize(line))?;
+            writer.flush()?;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,81 @@
+//! `stockpilot report`.
+
+use anyhow::Context;
+use clap::Args;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use stockpilot::export::sha256_of_file;
+use stockpilot::mapping::change::USUAL_RISK;
+use stockpilot::report::{BookEntry, Facts, Target, Wishes, read_books, report_files, write_files};
+use stockpilot::survey::{Flight, Survey};
+
+/// A survey and what is to be said of it.
+#[derive(Debug, Args)]
+pub(crate) struct SurveyArgs {
+    /// The log, or what `merge` has written.
+    log: PathBuf,
+    /// Log of an earlier survey of the same bays: the report says what has changed.
+    #[arg(long, value_name = "LOG")]
+    against: Option<PathBuf>,
+    /// The books: CSV with the columns `bay`, `volume_m3`, `mass_t`.
+    #[arg(long, value_name = "FILE")]
+    book: Option<PathBuf>,
+    /// A line of the books, such as salt=660t or hall=412.5m3; may be given several times.
+    #[arg(long, value_name = "BAY=AMOUNT")]
+    book_of: Vec<BookEntry>,
+    /// What the site is called.
+    #[arg(long, value_name = "NAME")]
+    site: Option<String>,
+    /// Who flew.
+    #[arg(long, value_name = "NAME")]
+    operator: Option<String>,
+    /// U (k = 2) that a volume may have, % of it.
+    #[arg(long, value_name = "PERCENT", default_value_t = Target::default().percent)]
+    target_percent: f64,
+    /// How often noise may be called significant, for each line by itself.
+    #[arg(long, default_value_t = USUAL_RISK)]
+    risk: f64,
+}
+
+/// Options of `stockpilot report`.
+#[derive(Debug, Args)]
+pub(crate) struct ReportArgs {
+    #[command(flatten)]
+    survey: SurveyArgs,
+    /// The folder for the files; made if it is not there.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+}
+
+/// What a survey came to, and the SHA-256 of its log.
+pub(crate) fn facts_of(args: &SurveyArgs) -> anyhow::Result<(Facts, String)> {
+    let mut books = args.book.as_deref().map_or_else(|| Ok(Vec::new()), read_books)?;
+    books.extend(args.book_of.iter().cloned());
+    let wishes = Wishes {
+        site: args.site.clone(),
+        operator: args.operator.clone(),
+        target: Target { percent: args.target_percent, ..Target::default() },
+        against: args.against.as_deref().map(Survey::read).transpose()?,
+        books,
+        risk: args.risk,
+    };
+    let sha256 =
+        sha256_of_file(&args.log).with_context(|| format!("cannot read {}", args.log.display()))?;
+    Ok((Facts::new(Flight::read(&args.log)?, wishes)?, sha256))
+}
+
+#[expect(clippy::print_stdout, reason = "the program's output")]
+pub(crate) fn run(args: &ReportArgs) -> anyhow::Result<ExitCode> {
+    let (facts, sha256) = facts_of(&args.survey)?;
+    let files = report_files(&facts, &sha256)?;
+    std::fs::create_dir_all(&args.out)
+        .with_context(|| format!("cannot make {}", args.out.display()))?;
+    write_files(&files, &args.out)?;
+    for bay in &facts.bays {
+        println!("{}: {}, {}", bay.account.name, bay.volume()?, bay.verdict.name());
+    }
+    for file in &files {
+        println!("{}", args.out.join(file.name).display());
+    }
+    Ok(ExitCode::SUCCESS)
+}
