@@ -25,9 +25,10 @@ pub use bays::{BaseSection, BaySection, ExclusionSection};
 pub use cameras::{CameraSection, LensName};
 pub use error::ConfigError;
 pub use file::{
-    Config, FieldSection, FilterSection, HallSection, LidarSection, LinkSection, LogSection,
-    MissionSection, MountSection, PlannerName, PlanningSection, RectSection, SurfaceName,
-    SurfaceSection, UncertaintySection, UpdateName, VarianceUpdateName, VolumeVarianceName,
+    Config, ExternalSection, FieldSection, FilterSection, HallSection, LidarSection, LinkSection,
+    LogSection, MissionSection, MountSection, PlannerName, PlanningSection, RectSection,
+    SurfaceName, SurfaceSection, UncertaintySection, UpdateName, VarianceUpdateName,
+    VolumeVarianceName,
 };
 pub use load::load;
 pub use markers::{MarkersSection, PointSection, TagSection};

@@ -14,10 +14,11 @@ mod event;
 mod flight_path;
 mod intake;
 mod job;
+mod plan_news;
 mod route;
 mod survey_plan;
 
-pub use event::{Action, Event, FlightSummary, JobId, PhaseChange, VolumeReport};
+pub use event::{Action, Event, FlightSummary, JobId, PhaseChange, PlanChoice, VolumeReport};
 pub use job::{Job, JobOutput};
 
 use crate::geometry::{Hall, Point};
@@ -31,10 +32,12 @@ use crate::mission::{self, Effect, EnergyGauge, Inputs, Mission, Phase};
 use crate::planning;
 use crate::planning::Waypoint;
 use crate::planning::free_space::FreeSpace;
+use crate::planning::planner::Plan;
 use crate::time::{Mono, Stamp};
 use crate::units::wrapped_rad;
 use intake::FrameWatch;
 use nalgebra::Vector3;
+use plan_news::PlanNews;
 use route::Route;
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -74,6 +77,8 @@ const LEAST_DISTURBED_M2: f64 = 0.5;
 /// The end of a trajectory counts as reached within this distance, m.
 const AT_TARGET_M: f64 = 0.3;
 
+/// Disagreements beyond this are told as this, m: squares of absurd places are no numbers.
+const FARTHEST_OFF_M: f64 = 10_000.0;
 /// An older word of the autopilot on its place is not compared with the own one.
 const DISAGREEMENT_OLD_AFTER: Duration = Duration::from_secs(1);
 /// After a declared jump further than this, m, the trajectory begins anew where the vehicle is.
@@ -116,6 +121,7 @@ pub struct Pilot {
     ending: Option<Ending>,
     /// The disturbed area that the people were told of last, m².
     told_disturbed_m2: f64,
+    told_plan: PlanNews,
 }
 
 /// What a flight came to, before its last solve.
@@ -182,6 +188,7 @@ impl Pilot {
             energy: EnergyGauge::default(),
             ending: None,
             told_disturbed_m2: 0.0,
+            told_plan: PlanNews::default(),
         }
     }
 
@@ -307,6 +314,7 @@ impl Pilot {
         if n_beams == 0 {
             return;
         }
+        self.route.plan.ask_anew();
         let age_s = self.now.seconds_since(since);
         let text = format!("{n_beams} beams of the last {age_s:.1} s had a wrong pose: dropped");
         say(actions, Severity::Warning, text);
@@ -371,7 +379,7 @@ impl Pilot {
     fn compare_with_autopilot(&mut self) {
         let Some(pose) = self.autopilot_pose else { return };
         if let Some((own, _)) = self.localizer.pose_at(pose.at) {
-            let off_m = (pose.position.coords - own.origin.coords).norm();
+            let off_m = (pose.position.coords - own.origin.coords).norm().min(FARTHEST_OFF_M);
             self.disagreement = Some((pose.at, off_m));
             self.autopilot_pose = None;
         }
@@ -469,6 +477,7 @@ impl Pilot {
                 self.mapper.restart();
                 self.accounts.clear();
                 self.told_disturbed_m2 = 0.0;
+                self.told_plan = PlanNews::default();
                 self.jobs.plan = None;
                 self.route.restart();
                 self.flown = FlownPath::default();
@@ -495,6 +504,8 @@ impl Pilot {
             }
             Phase::Hold => self.route.path_mut().brake(self.now),
             Phase::Idle | Phase::Land | Phase::Abort => self.route.path_mut().let_go(),
+            // Where the flight was broken off the plan may not lead any more.
+            Phase::Survey if from == Phase::Hold => self.route.plan.ask_from_here(),
             Phase::Survey => {}
         }
     }
@@ -587,7 +598,8 @@ impl Pilot {
     fn solve_if_due(&mut self, actions: &mut Vec<Action>) {
         let is_measuring =
             matches!(self.mission.phase(), Phase::Survey | Phase::Return | Phase::Hold);
-        let is_due = self.now.since(self.jobs.last_solve_at) >= self.settings.solve_interval;
+        let is_due = self.now.since(self.jobs.last_solve_at) >= self.settings.solve_interval
+            || self.route.plan.awaits_account();
         if is_measuring && is_due && self.jobs.solve.is_none() {
             self.start_solve(false, actions);
         }
@@ -643,15 +655,45 @@ impl Pilot {
         match output {
             JobOutput::Planned(plan) if self.jobs.plan == Some(id) => {
                 self.jobs.plan = None;
-                self.route.on_plan(plan, self.now);
+                self.on_planned(&plan, actions);
             }
             JobOutput::SurfaceSolved(solved) if self.jobs.solve == Some(id) => {
                 self.jobs.solve = None;
                 self.on_solved(solved, actions);
             }
+            JobOutput::PlannedOutside(found) if self.jobs.plan == Some(id) => {
+                self.jobs.plan = None;
+                self.on_planned_outside(found, actions);
+            }
             JobOutput::Died => self.on_died(id, actions),
             // A job that a later one has replaced.
-            JobOutput::Planned(_) | JobOutput::SurfaceSolved(_) => {}
+            JobOutput::Planned(_) | JobOutput::PlannedOutside(_) | JobOutput::SurfaceSolved(_) => {}
+        }
+    }
+
+    /// Flies a plan, and lets everybody know what it is expected to lead to.
+    fn on_planned(&mut self, plan: &Plan, actions: &mut Vec<Action>) {
+        if !self.route.on_plan(plan, self.now) {
+            return;
+        }
+        let ahead: Vec<Waypoint> = self.route.plan.ahead().iter().copied().collect();
+        let choice = PlanChoice { at: self.now, ahead, end: plan.end, prediction: plan.prediction };
+        if let Some(text) = self.told_plan.news(&choice, self.accounts.first()) {
+            say(actions, Severity::Info, text);
+        }
+        actions.push(Action::PlanChosen(Box::new(choice)));
+    }
+
+    /// Takes in what a program outside has planned, or tells the people that it failed.
+    fn on_planned_outside(&mut self, found: Result<Plan, String>, actions: &mut Vec<Action>) {
+        match found {
+            Ok(plan) => self.on_planned(&plan, actions),
+            Err(reason) => {
+                let is_asked_again = self.route.plan.on_failure();
+                let then = if is_asked_again { "asking again" } else { "ending the survey" };
+                let text = format!("the planner outside failed: {reason}: {then}");
+                say(actions, Severity::Error, text);
+            }
         }
     }
 
@@ -691,6 +733,7 @@ impl Pilot {
         let is_more = area_m2 >= LEAST_DISTURBED_M2.max(2.0 * self.told_disturbed_m2);
         if is_more || (self.jobs.is_final_solve && area_m2 >= LEAST_DISTURBED_M2) {
             self.told_disturbed_m2 = area_m2;
+            self.route.plan.ask_anew();
             let [x_m, y_m] = largest.centre_m;
             let bay = self.mapper.bay_at(x_m, y_m).map_or_else(String::new, |b| format!(" in {b}"));
             let text = format!(

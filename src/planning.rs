@@ -2,10 +2,11 @@
 //!
 //! [`free_space`] says where the vehicle may be and still know where it is: [`clearance`] is its
 //! geometry, [`quality_grid`] its fixes. Planners ([`planner`]) choose waypoints there:
-//! [`square_wave`], the default, [`greedy`] and [`horizon`]. [`trajectory`] joins them within the
-//! airframe's bounds.
+//! [`square_wave`], the default, [`greedy`] and [`horizon`], or a program outside ([`external`]).
+//! [`trajectory`] joins them within the airframe's bounds.
 
 pub mod clearance;
+pub mod external;
 pub mod free_space;
 pub mod greedy;
 pub mod grid_axis;
@@ -34,6 +35,8 @@ pub enum PlannerKind {
     Greedy,
     /// Whole paths, scored by the σ^V that they leave.
     Horizon,
+    /// A program outside: see [`external`].
+    External,
 }
 
 /// What the planning must know before a flight.
@@ -71,6 +74,8 @@ pub struct Settings {
     pub fix_var_share: f64,
     /// Seed of the search for paths.
     pub seed: u64,
+    /// The program that plans, if one does.
+    pub external: Option<external::ExternalSettings>,
     /// Bounds of the trajectory.
     pub limits: trajectory::Limits,
     /// What the vehicle keeps away from.
@@ -98,6 +103,7 @@ impl Settings {
             sees_shadows: false,
             fix_var_share: 0.1,
             seed: 0,
+            external: None,
             limits: trajectory::Limits::default(),
             space: space::SpaceSettings::default(),
         }
@@ -128,6 +134,15 @@ impl Waypoint {
             place: Point::from_coords(self.place.coords.lerp(&other.place.coords, share)),
             yaw_rad: self.yaw_rad + wrapped_rad(other.yaw_rad - self.yaw_rad) * share,
         }
+    }
+
+    /// The waypoints of the straight leg to another one, no further apart than a step, m.
+    #[must_use]
+    pub fn steps_to(&self, to: &Self, step_m: f64) -> Vec<Self> {
+        let n_parts = (self.distance_m(to) / step_m - 1e-9).ceil().max(1.0);
+        std::iter::successors(Some(1.0), |k| (*k < n_parts).then_some(k + 1.0))
+            .map(|k| self.towards(to, k / n_parts))
+            .collect()
     }
 
     /// The pose of a level body there.

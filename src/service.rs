@@ -15,6 +15,7 @@
 
 mod brain;
 pub mod clock;
+pub mod external_planner;
 pub mod onboard;
 pub mod plan;
 mod recorder;

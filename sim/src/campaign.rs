@@ -23,6 +23,7 @@ use stockpilot::link::{Session, SessionOutput};
 use stockpilot::messages::{NavEstimate, TagDetections};
 use stockpilot::mission::Phase;
 use stockpilot::pilot::{Action, Event, FlightSummary, Job, JobId, JobOutput, Pilot, TICK_RATE_HZ};
+use stockpilot::service::external_planner;
 use stockpilot::time::{Mono, Stamp};
 
 /// A flight that has not ended by then will not end by itself.
@@ -453,8 +454,9 @@ impl DirectFlight {
         match action {
             Action::Start { id, job } => {
                 let began = wall_clock();
-                let output = job.run();
-                if !matches!(*job, Job::SolveSurface(_)) {
+                let is_plan = !matches!(*job, Job::SolveSurface(_));
+                let output = external_planner::run_and_wait(*job);
+                if is_plan {
                     self.plan_times.push(began.elapsed());
                 }
                 self.jobs.push_back((now.plus(JOB_TIME), id, output));

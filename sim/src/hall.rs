@@ -9,9 +9,9 @@ use crate::vehicle::VehicleSettings;
 use crate::world::{Bay, Cuboid, Region, World};
 use std::path::PathBuf;
 use stockpilot::config::{
-    BaySection, CameraSection, Config, FilterSection, HallSection, LensName, LidarSection,
-    LinkSection, LogSection, MarkersSection, MissionSection, MountSection, ObstacleSection,
-    PlanningSection, RectSection, SurfaceSection, TagSection, UncertaintySection,
+    BaySection, CameraSection, Config, ExternalSection, FilterSection, HallSection, LensName,
+    LidarSection, LinkSection, LogSection, MarkersSection, MissionSection, MountSection,
+    ObstacleSection, PlanningSection, RectSection, SurfaceSection, TagSection, UncertaintySection,
 };
 use stockpilot::geometry::{Body, Camera, Frame, Rotation, Transform};
 
@@ -72,6 +72,7 @@ pub fn config(scenario: &Scenario, devices: Devices) -> Config {
             leg_spacing_m: conditions.leg_spacing_m,
             target_percent: conditions.target_percent,
             shadows: conditions.shadows,
+            external: external(&conditions.planner_command),
             max_speed_mps: conditions.cruise_mps.unwrap_or(planning.max_speed_mps),
             ..planning
         },
@@ -83,10 +84,15 @@ pub fn config(scenario: &Scenario, devices: Devices) -> Config {
         tags: tags(world, &conditions.errors),
         bays: bays(world),
         exclusions: Vec::new(),
-        obstacles: world.obstacles.iter().map(obstacle).collect(),
+        obstacles: obstacles(world),
         fence: None,
         points: Vec::new(),
     }
+}
+
+fn external(command: &[String]) -> Option<ExternalSection> {
+    (!command.is_empty())
+        .then(|| ExternalSection { command: command.to_vec(), ..ExternalSection::default() })
 }
 
 const fn uncertainty(sigmas: &CalibrationSigmas) -> UncertaintySection {
@@ -158,6 +164,14 @@ fn bays(world: &World) -> Vec<BaySection> {
         density_sigma_t_per_m3: Some(sigma),
     };
     world.bays.iter().map(section).collect()
+}
+
+/// What stands in the hall, the walls of bays included: planners must know what they hide. What reaches
+/// the ceiling as a part of the hall's own walls is in their outline.
+fn obstacles(world: &World) -> Vec<ObstacleSection> {
+    let is_low = |wall: &&Cuboid| wall.max_m.z < world.hall.max_m.z;
+    let low_walls = world.walls_inside.iter().filter(is_low);
+    world.obstacles.iter().chain(low_walls).map(obstacle).collect()
 }
 
 fn obstacle(cuboid: &Cuboid) -> ObstacleSection {

@@ -6,7 +6,7 @@ use std::ops::Range;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use stockpilot::messages::Verdict;
-use stockpilot::pilot::Action;
+use stockpilot::pilot::{Action, PlanChoice};
 use stockpilot::survey::accounts_table;
 use stockpilot::time::{Mono, Stamp};
 use stockpilot_sim::autopilot_command::{self, AutopilotArgs};
@@ -177,6 +177,10 @@ fn print_run(run: &RunReport) {
 fn trace(at: Stamp<Mono>, action: &Action) {
     match action {
         Action::Say(text) => eprintln!("{at:?} {:?}: {}", text.severity, text.text),
+        Action::PlanChosen(plan) => {
+            let PlanChoice { ahead, end, prediction, .. } = plan.as_ref();
+            eprintln!("{at:?} plans {} waypoints, {end:?}: {prediction:?}", ahead.len());
+        }
         Action::PhaseChanged(change) => {
             eprintln!("{at:?} {} → {}: {}", change.from.name(), change.to.name(), change.reason);
         }

@@ -21,8 +21,10 @@ pub struct Operator {
     wishes: Vec<MavCmd>,
     /// The ground station is switched off: it neither speaks nor hears.
     pub is_silent: bool,
-    /// Lines of text, in the order they came.
+    /// Lines of text, in the order they came; long ones joined from their pieces.
     pub texts: Vec<String>,
+    /// The id of the newest line, by which its further pieces are known; 0 without any.
+    text_id: u16,
     /// The last value of VOLUME, m³, as a ground station shows it.
     pub volume_m3: Option<f32>,
     station: Option<Station>,
@@ -103,7 +105,13 @@ impl Operator {
                 self.is_start_acknowledged = true;
             }
             MavMessage::STATUSTEXT(text) if header.component_id == COMPANION_COMPONENT => {
-                self.texts.push(text.text.to_str().unwrap_or("?").to_owned());
+                let piece = text.text.to_str().unwrap_or("?");
+                let is_further = text.id != 0 && text.chunk_seq > 0 && text.id == self.text_id;
+                match self.texts.last_mut().filter(|_| is_further) {
+                    Some(line) => line.push_str(piece),
+                    None => self.texts.push(piece.to_owned()),
+                }
+                self.text_id = text.id;
             }
             MavMessage::NAMED_VALUE_FLOAT(NAMED_VALUE_FLOAT_DATA { name, value, .. })
                 if name.to_str() == Ok("VOLUME") =>

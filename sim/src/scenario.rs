@@ -28,6 +28,9 @@ pub struct ScenarioArgs {
     /// Who chooses the waypoints.
     #[arg(long, value_enum, default_value_t = Planner::SquareWave)]
     pub planner: Planner,
+    /// The program that plans with `--planner external`, and its arguments, with blanks between.
+    #[arg(long, value_name = "COMMAND")]
+    pub planner_command: Option<String>,
     /// Metres in the hall per unit of length in the grid file.
     #[arg(long, default_value_t = 0.001)]
     pub scale_xy: f64,
@@ -95,6 +98,8 @@ pub enum Planner {
     Greedy,
     /// Whole paths, scored by the σ^V that they leave.
     Horizon,
+    /// The program of `--planner-command`.
+    External,
 }
 
 /// How the surface is kept.
@@ -143,6 +148,7 @@ impl Planner {
             Self::SquareWave => PlannerName::SquareWave,
             Self::Greedy => PlannerName::Greedy,
             Self::Horizon => PlannerName::Horizon,
+            Self::External => PlannerName::External,
         }
     }
 
@@ -153,6 +159,7 @@ impl Planner {
             Self::SquareWave => "square-wave",
             Self::Greedy => "greedy",
             Self::Horizon => "horizon",
+            Self::External => "external",
         }
     }
 }
@@ -227,6 +234,8 @@ pub struct Conditions {
     pub target_percent: Option<f64>,
     /// Whether predictions know shadows; the service's own default if `None`.
     pub shadows: Option<bool>,
+    /// The program that plans, and its arguments; empty if none is named.
+    pub planner_command: Vec<String>,
 }
 
 impl Default for Conditions {
@@ -241,6 +250,7 @@ impl Default for Conditions {
             leg_spacing_m: None,
             target_percent: None,
             shadows: None,
+            planner_command: Vec::new(),
         }
     }
 }
@@ -322,7 +332,13 @@ impl ScenarioArgs {
             leg_spacing_m: self.leg_spacing_m,
             target_percent: self.target_percent,
             shadows: self.shadows,
+            planner_command: self.planner_words(),
         }
+    }
+
+    fn planner_words(&self) -> Vec<String> {
+        let words = self.planner_command.iter().flat_map(|line| line.split_whitespace());
+        words.map(str::to_owned).collect()
     }
 
     fn check(&self) -> anyhow::Result<()> {

@@ -12,6 +12,7 @@ use crate::mapping::budget::CalibrationSigmas;
 use crate::mapping::projection::LidarMount;
 use crate::mapping::region::Rect;
 use crate::mapping::{self, VolumeVariance, field_map, grid_map, kalman_grid, sparse_gp};
+use crate::planning::external::ExternalSettings;
 use crate::planning::trajectory::Limits;
 use crate::planning::{self, PlannerKind};
 use crate::units::rad_from_deg;
@@ -386,6 +387,7 @@ impl Config {
                 PlannerName::SquareWave => PlannerKind::SquareWave,
                 PlannerName::Greedy => PlannerKind::Greedy,
                 PlannerName::Horizon => PlannerKind::Horizon,
+                PlannerName::External => PlannerKind::External,
             },
             n_steps: p.n_steps,
             height_m: metres("planning.height_m", p.height_m, (lowest_m, 100.0))?,
@@ -428,9 +430,27 @@ impl Config {
             sees_shadows: p.shadows.unwrap_or(p.planner == PlannerName::Horizon),
             fix_var_share: FIX_VAR_SHARE,
             seed: p.seed,
+            external: self.external_planner()?,
             limits: trajectory_limits(p)?,
             space,
         })
+    }
+
+    /// The program that plans; it is read even where another planner is chosen, so that mistakes show.
+    fn external_planner(&self) -> Result<Option<ExternalSettings>, ConfigError> {
+        let key = "planning.external.command";
+        let is_chosen = self.planning.planner == PlannerName::External;
+        let Some(section) = &self.planning.external else {
+            let missing =
+                || invalid(key, "planner = \"external\" needs the program and its arguments");
+            return if is_chosen { Err(missing()) } else { Ok(None) };
+        };
+        if section.command.first().is_none_or(String::is_empty) {
+            return Err(invalid(key, "the first entry is the program"));
+        }
+        let limit_key = "planning.external.time_limit_s";
+        let time_limit = seconds(limit_key, section.time_limit_s, (0.1, 60.0))?;
+        Ok(Some(ExternalSettings { command: section.command.clone(), time_limit }))
     }
 
     /// The legs of the square wave run along x, so the scan plane must stand across x.

@@ -425,6 +425,24 @@ pub enum PlannerName {
     Greedy,
     /// Whole paths, scored by the σ^V that they leave.
     Horizon,
+    /// The program of `[planning.external]`.
+    External,
+}
+
+/// A program that plans.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ExternalSection {
+    /// The program and its arguments; no shell stands between.
+    pub command: Vec<String>,
+    /// It is ended if it has not answered by then, s.
+    pub time_limit_s: f64,
+}
+
+impl Default for ExternalSection {
+    fn default() -> Self {
+        Self { command: Vec::new(), time_limit_s: 5.0 }
+    }
 }
 
 /// Waypoints and trajectory.
@@ -470,6 +488,9 @@ pub struct PlanningSection {
     pub max_yaw_rate_degps: f64,
     /// Largest acceleration of the heading, deg/s².
     pub max_yaw_accel_degps2: f64,
+    /// The program that plans with `planner = "external"`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub external: Option<ExternalSection>,
     /// The grid of the free space and the room around the vehicle.
     pub space: SpaceSection,
 }
@@ -496,6 +517,7 @@ impl Default for PlanningSection {
             max_snap_mps4: 150.0,
             max_yaw_rate_degps: 45.0,
             max_yaw_accel_degps2: 90.0,
+            external: None,
             space: SpaceSection::default(),
         }
     }

@@ -3,11 +3,14 @@
 //!
 //! ```text
 //! Q = Q0 + Σ_seen a aᵀ ι dA,   q = Q⁻¹ w
-//! (σ^V)² = wᵀ q + Σ_k s_kᵀ P_k s_k + c,   s_k = Σ_{i∈k} ι_i a_iᵀ q ∂z_i/∂(z, θ_x, θ_y)
+//! (σ^V)² = wᵀ q + Σ_k s_kᵀ P_k s_k + Σ_j s² (w_j − A_j)₊² + c
+//! s_k = Σ_{i∈k} ι_i a_iᵀ q ∂z_i/∂(z, θ_x, θ_y)
 //! ```
 //! - `ι`: information about the coarse field per area that was seen, 1/m⁴: seen ground counts
 //!   once, however many beams hit it, but for what the noise of the beams leaves
 //! - `k`: stretch of a flight over which the pose's error stays the same; `P_k` its covariance
+//! - `A_j`: area seen around node j, m²; what is left of the node's share `w_j` is a hole too small for
+//!   the lattice, whose mean height differs by `s` from what the nodes around say
 //! - `c`: what no flight changes (calibration, base), m⁶
 //!
 //! Checked: `coarse_variance_matches_dense_algebra`.
@@ -16,6 +19,7 @@ use super::field_map::SolveField;
 use super::grid_map::SolveGrid;
 use super::mapper::SolveSurface;
 use super::matern_field::{FieldError, Functional, Information, Lattice, Prior, Row};
+use super::matern_kernel::matern_of;
 use super::region::Region;
 use crate::messages::GridGeometry;
 use crate::time::{Mono, Stamp};
@@ -30,6 +34,10 @@ pub struct CoarseField {
     prior: Prior,
     /// σ² of what the coarse field cannot follow inside one cell of the map, m².
     sub_var_m2: f64,
+    /// s²: variance of the mean height of a hole as large as a cell of the lattice, given its corners, m².
+    hole_var_m2: f64,
+    /// Information per area that halves the variance of a hidden cell of the lattice, 1/m⁴.
+    doubt_info_per_area: f64,
     /// Cells of the map.
     fine: GridGeometry,
     /// Area that counts, m².
@@ -61,6 +69,8 @@ pub struct Sightings {
     pub info: Information,
     /// What its pose errors do.
     pub windows: Vec<PoseWindow>,
+    /// Area seen around each node, m².
+    seen_m2: Vec<f64>,
 }
 
 /// How uncertain the volume is.
@@ -70,6 +80,8 @@ pub struct VolumeVar {
     pub field_m6: f64,
     /// By the pose, m⁶.
     pub pose_m6: f64,
+    /// By holes smaller than the lattice shows, m⁶.
+    pub holes_m6: f64,
 }
 
 /// Nodes along the longer side of the region at most.
@@ -81,6 +93,8 @@ const CELLS_PER_RANGE: f64 = 4.0;
 /// Neighbouring cells are seen together, so this is the error of an area's mean rather than of a
 /// point; chosen so that predictions meet the accounts of flights.
 const SUB_VAR_SHARE: f64 = 0.01;
+/// σ of ground that may hide, over σ: there is known ground around it.
+const HIDDEN_SIGMA_SHARE: f64 = 0.5;
 /// Errors of the pose stay the same for about this long.
 const WINDOW: Duration = Duration::from_secs(1);
 
@@ -116,6 +130,8 @@ impl CoarseField {
         Ok(Self {
             functional: Functional::new(&Arc::new(lattice), &prior, w)?,
             sub_var_m2: SUB_VAR_SHARE * prior.sigma_m.powi(2),
+            doubt_info_per_area: 1.0 / (HIDDEN_SIGMA_SHARE * prior.sigma_m * spacing_m).powi(2),
+            hole_var_m2: hole_var_share(&prior, spacing_m) * prior.sigma_m.powi(2),
             prior,
             fine,
             area_m2,
@@ -146,10 +162,25 @@ impl CoarseField {
         1.0 / (self.sub_var_m2 * self.fine.cell_area_m2())
     }
 
+    /// Information per area of ground that is seen with this probability only, 1/m⁴: on average `1 − p`
+    /// of the variance stays, as after a datum of information p/((1 − p) s²) on a cell of the lattice.
+    ///
+    /// However often a doubtful ray is counted, it never makes ground as sure as seeing it does.
+    #[must_use]
+    pub fn info_per_area_seen_with(&self, probability: f64) -> f64 {
+        let sure = self.info_per_area();
+        let doubtful = probability / (1.0 - probability).max(0.0) * self.doubt_info_per_area;
+        if doubtful < sure { doubtful } else { sure }
+    }
+
     /// Nothing seen.
     #[must_use]
     pub fn nothing_seen(&self) -> Sightings {
-        Sightings { info: Information::new(self.lattice()), windows: Vec::new() }
+        Sightings {
+            info: Information::new(self.lattice()),
+            windows: Vec::new(),
+            seen_m2: vec![0.0; self.lattice().n_nodes()],
+        }
     }
 
     /// What the map knows, or knew at an earlier instant; the cells of the paper's grid keep no past.
@@ -188,7 +219,19 @@ impl CoarseField {
             let arm = footprint.hall_from_body.rotation.matrix() * patch.arm();
             seen.add(&row, info, (arm.x, arm.y));
         });
+        let seen_cells = cell_info.iter().enumerate().filter(|(_, info)| **info > 0.0);
+        self.count_cells(&mut seen, seen_cells.map(|(cell, _)| cell));
         seen
+    }
+
+    /// Counts cells of the map as seen, once each.
+    fn count_cells(&self, seen: &mut Sightings, cells: impl Iterator<Item = usize>) {
+        for cell in cells {
+            let (x, y) = self.fine.centre_m(cell);
+            if let Some(row) = self.lattice().row_at(x, y) {
+                seen.count(&row, self.fine.cell_area_m2());
+            }
+        }
     }
 
     /// Every cell of the paper's grid as a datum of its own.
@@ -200,6 +243,7 @@ impl CoarseField {
             let (x, y) = self.fine.centre_m(cell);
             if let (true, Some(row)) = (info > 1e-9, self.lattice().row_at(x, y)) {
                 seen.info.add(&row, 0.0, info / (1.0 + info * self.sub_var_m2));
+                seen.count(&row, self.fine.cell_area_m2());
             }
         }
         seen
@@ -224,13 +268,21 @@ impl CoarseField {
         for part in others {
             info.merge(&part.info)?;
         }
+        let mut unseen_m2 = self.functional.weights().to_vec();
+        for part in parts {
+            unseen_m2.iter_mut().zip(&part.seen_m2).for_each(|(unseen, seen)| *unseen -= seen);
+        }
         let given = self.functional.given(&info)?;
         let pose_m6 = parts
             .iter()
             .flat_map(|part| &part.windows)
             .map(|window| window.volume_var(&given.q))
             .sum();
-        Ok(VolumeVar { field_m6: given.var, pose_m6 })
+        Ok(VolumeVar { field_m6: given.var, pose_m6, holes_m6: self.holes_m6(&unseen_m2) })
+    }
+
+    fn holes_m6(&self, unseen_m2: &[f64]) -> f64 {
+        self.hole_var_m2 * unseen_m2.iter().map(|area_m2| area_m2.max(0.0).powi(2)).sum::<f64>()
     }
 }
 
@@ -238,11 +290,29 @@ impl VolumeVar {
     /// (σ^V)², m⁶.
     #[must_use]
     pub fn total_m6(&self) -> f64 {
-        self.field_m6 + self.pose_m6
+        self.field_m6 + self.pose_m6 + self.holes_m6
     }
 }
 
 impl Sightings {
+    /// Counts an area as seen, m², whatever it says.
+    pub fn count(&mut self, row: &Row, area_m2: f64) {
+        for (node, weight) in std::iter::zip(row.nodes, row.weights) {
+            self.seen_m2[node as usize] += weight * area_m2;
+        }
+    }
+
+    /// Everything that another part has seen, as well.
+    ///
+    /// # Errors
+    /// [`FieldError::Size`] for parts of different lattices.
+    pub fn merge(&mut self, other: Self) -> Result<(), FieldError> {
+        self.info.merge(&other.info)?;
+        self.windows.extend(other.windows);
+        self.seen_m2.iter_mut().zip(&other.seen_m2).for_each(|(mine, theirs)| *mine += theirs);
+        Ok(())
+    }
+
     /// Adds a datum of the newest window: information 1/R, and where it lies from the body in the
     /// axes of the hall, m.
     pub fn add(&mut self, row: &Row, info_per_m2: f64, (arm_x_m, arm_y_m): (f64, f64)) {
@@ -278,6 +348,17 @@ pub fn height_and_tilt_cov(pose_cov: &Matrix6<f64>, hall_from_body: &Matrix3<f64
     by.fixed_view_mut::<1, 3>(1, 3).copy_from(&hall_from_body.row(0));
     by.fixed_view_mut::<1, 3>(2, 3).copy_from(&hall_from_body.row(1));
     by * pose_cov * by.transpose()
+}
+
+/// Variance of the field in the middle of a square whose corners are known, over σ²; half of that for
+/// its mean, which is nearer to them.
+fn hole_var_share(prior: &Prior, spacing_m: f64) -> f64 {
+    let correlation = |distance_m: f64| matern_of(1.0, prior.kappa_per_m() * distance_m);
+    let diagonal_m = std::f64::consts::SQRT_2 * spacing_m;
+    let to_corner = correlation(0.5 * diagonal_m);
+    let between = 1.0 + 2.0 * correlation(spacing_m) + correlation(diagonal_m);
+    // Ordinary weights are equal by symmetry: 1 − kᵀ C⁻¹ k.
+    0.5 * (1.0 - 4.0 * to_corner * to_corner / between)
 }
 
 #[cfg(test)]

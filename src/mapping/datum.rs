@@ -206,6 +206,13 @@ impl Linearization<'_> {
         (2.0 * self.roughness_m / self.lattice.spacing_m()).powi(2)
     }
 
+    /// How sharply a ray over a node is a ceiling of the ground there, m: roughness, and slopes over the
+    /// half cell by which the ray passes beside the node.
+    #[must_use]
+    pub fn ceiling_softness_m(&self) -> f64 {
+        self.roughness_m.hypot(self.slope_sigma * self.lattice.spacing_m() / 12.0_f64.sqrt())
+    }
+
     /// Height of the surface at a row's point, m; `None` where it does not rest on data alone.
     #[must_use]
     pub fn known_surface_m(&self, row: &Row) -> Option<f64> {

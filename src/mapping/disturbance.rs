@@ -256,6 +256,7 @@ impl Levels {
                 hall_from_body: footprint.hall_from_body,
                 lidar_idx: footprint.lidar_idx,
                 patches: kept.into_iter().copied().collect(),
+                passed_to_m: footprint.passed_to_m.clone(),
             })
         };
         let footprints = footprints.iter().map(&mut without).collect();

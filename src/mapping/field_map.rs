@@ -10,18 +10,24 @@
 //!            └────────────────────────────────────────────────────────────┘
 //! ```
 
-use super::bay::BayOnGrid;
-use super::budget::{CalibrationSigmas, data_budgets};
-use super::datum::{Linearization, Turn};
-use super::disturbance::{Flagged, Levels, Undisturbed};
-use super::footprint::{Footprint, Patch};
+mod setup;
+mod solve;
+
+#[cfg(test)]
+mod tests;
+
+pub use solve::SolveField;
+
+use super::budget::CalibrationSigmas;
+#[cfg(test)]
+use super::datum::Linearization;
+use super::disturbance::Levels;
+use super::footprint::Footprint;
 use super::grid_map::Bays;
-use super::mapper::SolvedSurface;
-use super::matern_field::{self, FieldError, Information, Lattice, Prior, Solution, Solver};
+use super::hidden_ground::HiddenGround;
+use super::matern_field::{Lattice, Prior};
 use super::projection::LidarMount;
-use super::roughness::Residuals;
-use super::shares::SeenCells;
-use crate::messages::{BudgetRow, BudgetSource, GridGeometry, HeightMap};
+use super::ray_ceiling::RayCeiling;
 use crate::time::{Mono, Stamp};
 use std::sync::Arc;
 
@@ -32,7 +38,7 @@ pub struct Settings {
     pub range_m: f64,
     /// Standard deviation `σ_f` of the heights about their mean level, m.
     pub sigma_m: f64,
-    /// Roughness below the cell size `σ_ε`, m, at least: the data may show more.
+    /// Roughness below the cell size `σ_ε`, m, until the data show it.
     pub nugget_m: f64,
     /// Expected mean level, m, and its standard deviation, m.
     pub mean_level_m: (f64, f64),
@@ -77,7 +83,19 @@ pub struct NewestField {
     pub is_known: Vec<bool>,
     /// How far the patches of a square scatter about each other, m.
     pub scatter_m: f64,
+    /// What is known of ground that no beam reached.
+    pub hidden: HiddenGround,
 }
+
+impl NewestField {
+    /// The roughness that the data show, m; `None` before they do.
+    fn shown_roughness_m(&self) -> Option<f64> {
+        (self.scatter_m > 0.0).then_some(self.scatter_m.max(LEAST_ROUGHNESS_M))
+    }
+}
+
+/// No ground is smoother than this below the cell size, m: a grain of sand.
+const LEAST_ROUGHNESS_M: f64 = 0.001;
 
 /// The turns of a flight, and the newest surface.
 #[derive(Debug, Clone)]
@@ -85,6 +103,7 @@ pub struct FieldMap {
     setup: Arc<Setup>,
     footprints: Vec<Arc<Footprint>>,
     levels: Arc<Levels>,
+    ceiling: Arc<RayCeiling>,
     newest: Option<Arc<NewestField>>,
 }
 
@@ -92,13 +111,16 @@ impl FieldMap {
     /// A map without a turn.
     #[must_use]
     pub fn new(setup: Arc<Setup>) -> Self {
-        let levels = setup.levels();
-        Self { setup, footprints: Vec::new(), levels, newest: None }
+        let (levels, ceiling) = (setup.levels(), setup.ceiling());
+        Self { setup, footprints: Vec::new(), levels, ceiling, newest: None }
     }
 
     /// Takes in a turn.
     pub fn push(&mut self, mut footprint: Footprint) {
         Arc::make_mut(&mut self.levels).take(&self.setup.lattice, &mut footprint);
+        if let Some(lidar) = self.setup.lidars.get(footprint.lidar_idx) {
+            Arc::make_mut(&mut self.ceiling).take(&self.setup.lattice, lidar, &footprint);
+        }
         self.footprints.push(Arc::new(footprint));
     }
 
@@ -117,6 +139,7 @@ impl FieldMap {
     pub fn restart(&mut self) {
         self.footprints.clear();
         self.levels = self.setup.levels();
+        self.ceiling = self.setup.ceiling();
         self.newest = None;
     }
 
@@ -130,6 +153,7 @@ impl FieldMap {
         let kept = std::mem::take(&mut self.footprints).into_iter().filter(is_kept);
         // Levels are sorted turn by turn: those of wrong poses must not judge the later ones.
         self.levels = self.setup.levels();
+        self.ceiling = self.setup.ceiling();
         for footprint in kept.collect::<Vec<_>>() {
             self.push(Arc::unwrap_or_clone(footprint));
         }
@@ -171,203 +195,10 @@ impl FieldMap {
             setup: Arc::clone(&self.setup),
             footprints: self.footprints.clone(),
             levels: Arc::clone(&self.levels),
+            ceiling: Arc::clone(&self.ceiling),
             newest: self.newest.clone(),
             is_final,
         }
-    }
-}
-
-/// The work of turning footprints into a surface and its volumes; a pure function of its fields.
-#[derive(Debug, Clone, PartialEq)]
-pub struct SolveField {
-    at: Stamp<Mono>,
-    setup: Arc<Setup>,
-    footprints: Vec<Arc<Footprint>>,
-    levels: Arc<Levels>,
-    newest: Option<Arc<NewestField>>,
-    is_final: bool,
-}
-
-/// What the turns know, added up.
-struct Data {
-    info: Information,
-    n_refused: u64,
-    /// What the data differ by from the surface that they were linearised with.
-    residuals: Residuals,
-}
-
-/// One solution.
-struct Round {
-    solution: Solution,
-    data: Data,
-    /// The surface whose slopes the data were linearised with.
-    before: Option<NewestField>,
-    newest: NewestField,
-}
-
-/// Solves after landing: one without slopes and gates, one with them, and one with better ones.
-const FINAL_ROUNDS: usize = 3;
-
-impl SolveField {
-    /// Solves.
-    ///
-    /// # Errors
-    /// [`FieldError`] from the field.
-    pub fn run(&self) -> Result<SolvedSurface, FieldError> {
-        let turns = self.levels.judge(&self.footprints);
-        let n_patches = self.setup.n_patches(&turns.footprints);
-        // The first solution of all has no slopes to start from.
-        let n_rounds =
-            if self.is_final { FINAL_ROUNDS } else { 1 + usize::from(self.newest.is_none()) };
-        // After landing all data meet as equals: an early, wrong surface must not refuse later ones.
-        let first = self.newest.as_deref().filter(|_| !self.is_final);
-        let mut round = self.round(&turns.footprints, &n_patches, first)?;
-        for _ in 1..n_rounds {
-            round = self.round(&turns.footprints, &n_patches, Some(&round.newest))?;
-        }
-        self.account(&turns, &n_patches, round)
-    }
-
-    /// One solution with the slopes of the one before.
-    fn round(
-        &self,
-        turns: &[Arc<Footprint>],
-        n_patches: &[u32],
-        before: Option<&NewestField>,
-    ) -> Result<Round, FieldError> {
-        let data = self.gather(turns, &self.setup.linearization(n_patches, before));
-        let solution = matern_field::solve(
-            &self.setup.lattice,
-            &self.setup.settings.prior(),
-            &data.info,
-            Solver::Automatic,
-            before.map(|before| before.heights_m.as_slice()),
-        )?;
-        let is_known = (0..self.setup.lattice.n_nodes())
-            .map(|node| data.info.n_hits(node) >= KNOWN_FROM_PATCHES)
-            .collect();
-        let scatter_m = data.residuals.scatter_m().or(before.map(|before| before.scatter_m));
-        let newest = NewestField {
-            heights_m: solution.height_m().to_vec(),
-            is_known,
-            scatter_m: scatter_m.unwrap_or(0.0),
-        };
-        Ok(Round { solution, data, before: before.cloned(), newest })
-    }
-
-    /// Adds up what all turns know.
-    fn gather(&self, turns: &[Arc<Footprint>], at: &Linearization<'_>) -> Data {
-        let setup = &self.setup;
-        let mut data = Data {
-            info: Information::new(&setup.lattice),
-            n_refused: 0,
-            residuals: Residuals::new(setup.lattice.n_nodes()),
-        };
-        for footprint in turns {
-            let Some(turn) = Turn::new(footprint, *at) else { continue };
-            for patch in &footprint.patches {
-                let Some(datum) = turn.datum(patch) else { continue };
-                if !at.believes(&datum) {
-                    data.n_refused += u64::from(patch.n_beams);
-                    continue;
-                }
-                if let Some(surface_m) = at.known_surface_m(&datum.row) {
-                    data.residuals.push(footprint.error.at, &datum, surface_m);
-                }
-                data.info.add(&datum.row, datum.height_m, datum.weight_per_m2);
-            }
-        }
-        data
-    }
-
-    /// The volumes of a solution with their budgets.
-    fn account(
-        &self,
-        turns: &Undisturbed,
-        n_patches: &[u32],
-        round: Round,
-    ) -> Result<SolvedSurface, FieldError> {
-        let setup = &self.setup;
-        let at = setup.linearization(n_patches, round.before.as_ref());
-        let areas_m2 = setup.areas_m2();
-        let adjoint = |of_bay: &Vec<f64>| round.solution.adjoint(of_bay, None);
-        let adjoints = areas_m2.iter().map(adjoint).collect::<Result<Vec<_>, _>>()?;
-        let q_m2: Vec<&[f64]> = adjoints.iter().map(|adjoint| adjoint.q.as_slice()).collect();
-        let budgets = data_budgets(&turns.footprints, &at, &q_m2, &setup.settings.calibration);
-        let mean_m = setup.lattice.on_cells(&round.newest.heights_m);
-        let seen = setup.seen(&round.data.info, &turns.flagged);
-        let range_m = setup.settings.range_m;
-        let solved = std::iter::zip(std::iter::zip(&areas_m2, &adjoints), budgets);
-        let accounts = std::iter::zip(setup.bays.iter(), solved)
-            .map(|(bay, ((areas_m2, adjoint), mut budget))| {
-                let above_floor_m3 = round.solution.functional(areas_m2, adjoint);
-                let volume_m3 = above_floor_m3 - bay.base.above_floor_m3();
-                let prior = BudgetRow { source: BudgetSource::Prior, var_m6: adjoint.prior_var };
-                budget.rows.insert(0, prior);
-                if !bay.base.errors.is_empty() {
-                    budget.push_shared(BudgetSource::Base, &bay.base.errors);
-                }
-                bay.account(self.at, (volume_m3, &mean_m), budget, &seen, range_m)
-            })
-            .collect();
-        let sigma_m =
-            setup.lattice.on_cells(&self.var_m2(&round)).iter().map(|var| var.sqrt()).collect();
-        let grid = *setup.lattice.grid();
-        let disturbed_cells = turns.flagged.cells().collect();
-        let surface = HeightMap { at: self.at, grid, mean_m, sigma_m, disturbed_cells };
-        Ok(SolvedSurface {
-            accounts,
-            surface,
-            n_beams_refused: turns.n_beams_left_out + round.data.n_refused,
-            disturbed: turns.flagged.areas(&grid),
-            newest: Some(Arc::new(round.newest)),
-        })
-    }
-}
-
-impl SolveField {
-    /// Cells, their heights, and which rest on data.
-    pub(super) fn known_heights(&self) -> Option<(GridGeometry, Vec<f64>, Vec<bool>)> {
-        let newest = self.newest.as_ref()?;
-        let lattice = &self.setup.lattice;
-        let grid = *lattice.grid();
-        let is_known = |cell| newest.is_known[lattice.node_of_cell(cell)];
-        let known = (0..grid.n_cells()).map(is_known).collect();
-        Some((grid, lattice.on_cells(&newest.heights_m), known))
-    }
-
-    /// Shows every patch that the newest surface believes, of the turns up to an instant, with its
-    /// information, 1/m².
-    pub(super) fn for_each_patch(
-        &self,
-        until: Option<Stamp<Mono>>,
-        mut visit: impl FnMut(&Footprint, &Patch, f64),
-    ) {
-        let n_patches = self.setup.n_patches(&self.footprints);
-        let at = self.setup.linearization(&n_patches, self.newest.as_deref());
-        let is_past = |f: &&Arc<Footprint>| until.is_none_or(|until| f.error.at <= until);
-        for footprint in self.footprints.iter().filter(is_past) {
-            let Some(turn) = Turn::new(footprint, at) else { continue };
-            for patch in &footprint.patches {
-                if let Some(datum) = turn.datum(patch).filter(|datum| at.believes(datum)) {
-                    visit(footprint, patch, datum.weight_per_m2);
-                }
-            }
-        }
-    }
-
-    /// Variance of the height at every node, m²: exact after landing and on maps that are solved by a
-    /// factor; in flight over larger ones, where the exact one takes gigabytes, and where the factor
-    /// does not fit into memory, what a node's own data leave of the prior. The volumes do not
-    /// depend on it.
-    fn var_m2(&self, round: &Round) -> Vec<f64> {
-        let n_nodes = self.setup.lattice.n_nodes();
-        let is_direct = n_nodes <= Solver::MOST_NODES_DIRECT;
-        let is_affordable = is_direct || self.is_final && n_nodes <= MOST_NODES_FINAL;
-        let exact = is_affordable.then(|| round.solution.marginal_var_m2().ok()).flatten();
-        let prior_info = self.setup.settings.sigma_m.powi(-2);
-        let own = |node| 1.0 / (prior_info + round.data.info.info_per_m2(node));
-        exact.unwrap_or_else(|| (0..n_nodes).map(own).collect())
     }
 }
 
@@ -380,98 +211,6 @@ impl Settings {
             sigma_m: self.sigma_m,
             mean_m: self.mean_level_m.0,
             mean_sigma_m: self.mean_level_m.1,
-        }
-    }
-}
-
-/// Exact variances of more nodes than this take gigabytes: 500 × 500.
-const MOST_NODES_FINAL: usize = 250_000;
-/// A node may judge outliers from this much of a patch on.
-const KNOWN_FROM_PATCHES: f64 = 0.5;
-/// A cell counts as seen from this much of a patch on: one hit in its middle, or two beside it.
-const SEEN_FROM_PATCHES: f64 = 0.5;
-
-impl Setup {
-    /// How many patches each square has, by its south-west node.
-    fn n_patches(&self, turns: &[Arc<Footprint>]) -> Vec<u32> {
-        let mut n_patches = vec![0; self.lattice.n_nodes()];
-        for patch in turns.iter().flat_map(|turn| &turn.patches) {
-            let place = patch.place();
-            if let Some(row) = self.lattice.row_at(place.x, place.y) {
-                n_patches[row.nodes[0] as usize] += 1;
-            }
-        }
-        n_patches
-    }
-
-    /// The areas that each node stands for, m², of the whole region and of its bays.
-    fn areas_m2(&self) -> Vec<Vec<f64>> {
-        let mut areas_m2: Vec<Vec<f64>> =
-            self.bays.iter().map(|bay| self.areas_of_bay_m2(bay)).collect();
-        if let [whole, bays @ ..] = areas_m2.as_mut_slice()
-            && !bays.is_empty()
-        {
-            // The whole is the sum of its bays to the last digit.
-            for (node, area_m2) in whole.iter_mut().enumerate() {
-                *area_m2 = bays.iter().map(|bay| bay[node]).sum();
-            }
-        }
-        areas_m2
-    }
-
-    /// The area of a bay that each node stands for, m²: what its surface is integrated with.
-    ///
-    /// Whole cells count with their mean height. A cell that a border cuts counts with the height
-    /// where its base is taken, and over an earlier survey every cell does: an unchanged surface
-    /// has no volume over itself.
-    fn areas_of_bay_m2(&self, bay: &BayOnGrid) -> Vec<f64> {
-        let whole_m2 = self.lattice.grid().cell_area_m2() * (1.0 - 1e-9);
-        let mut of_whole_cells = vec![0.0; self.lattice.n_nodes()];
-        let mut areas_m2 = vec![0.0; self.lattice.n_nodes()];
-        for ((x_m, y_m), area_m2) in &bay.areas {
-            if *area_m2 >= whole_m2 && !bay.is_over_survey {
-                of_whole_cells[self.lattice.nearest_node(*x_m, *y_m)] += area_m2;
-            } else if let Some(row) = self.lattice.row_at(*x_m, *y_m) {
-                for (node, weight) in std::iter::zip(row.nodes, row.weights) {
-                    areas_m2[node as usize] += weight * area_m2;
-                }
-            } else {
-                // Between walls on all sides: its own cell's node stands alone.
-                areas_m2[self.lattice.nearest_node(*x_m, *y_m)] += area_m2;
-            }
-        }
-        let of_means = self.lattice.spread_over_cells(&of_whole_cells);
-        std::iter::zip(areas_m2, of_means).map(|(a, b)| a + b).collect()
-    }
-
-    fn seen(&self, info: &Information, flagged: &Flagged) -> SeenCells {
-        let grid = self.lattice.grid();
-        let is_seen = |cell| info.n_hits(self.lattice.node_of_cell(cell)) >= SEEN_FROM_PATCHES;
-        let is_seen: Vec<bool> = (0..grid.n_cells()).map(is_seen).collect();
-        SeenCells::new(grid, &is_seen, flagged.clone())
-    }
-
-    /// Nothing seen, so nothing moved.
-    fn levels(&self) -> Arc<Levels> {
-        let Settings { nugget_m, slope_sigma, .. } = self.settings;
-        Arc::new(Levels::new(self.lattice.grid(), nugget_m, slope_sigma))
-    }
-
-    /// What a patch is worth beside the newest surface.
-    fn linearization<'a>(
-        &'a self,
-        n_patches: &'a [u32],
-        newest: Option<&'a NewestField>,
-    ) -> Linearization<'a> {
-        Linearization {
-            lattice: &self.lattice,
-            n_patches,
-            heights_m: newest.map(|newest| newest.heights_m.as_slice()),
-            is_known: newest.map_or(&[], |newest| newest.is_known.as_slice()),
-            lidars: &self.lidars,
-            roughness_m: newest.map_or(0.0, |newest| newest.scatter_m).max(self.settings.nugget_m),
-            scatter_m: newest.map_or(0.0, |newest| newest.scatter_m),
-            slope_sigma: self.settings.slope_sigma,
         }
     }
 }

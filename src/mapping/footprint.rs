@@ -38,6 +38,8 @@ pub struct Footprint {
     pub lidar_idx: usize,
     /// Its patches, in the order of the first beam of each.
     pub patches: Vec<Patch>,
+    /// Where beams ended that hit no material, in the hall, m: they passed over some ([`passing`]).
+    pub passed_to_m: Vec<[f32; 3]>,
 }
 
 /// A beam this much above or below the patch of its square does not belong to it, in cells: the
@@ -55,6 +57,22 @@ pub struct LineHit {
     pub arm_m: Vector3<f64>,
     /// Its column and row among the nodes; whole numbers are at nodes.
     pub at_node: (f64, f64),
+}
+
+/// Of beams that ended at these places, in their order, those that tell where they passed: one for each
+/// half cell of way along the wall that they hit.
+#[must_use]
+#[expect(clippy::cast_possible_truncation, reason = "rounded to single precision on purpose")]
+pub fn passing(ends: &[Point<Hall>], cell_m: f64) -> Vec<[f32; 3]> {
+    let mut kept: Vec<[f32; 3]> = Vec::new();
+    let mut newest: Option<Vector3<f64>> = None;
+    for end in ends.iter().map(|end| end.coords) {
+        if newest.is_none_or(|newest| (end - newest).norm() >= 0.5 * cell_m) {
+            newest = Some(end);
+            kept.push(end.map(|c| c as f32).into());
+        }
+    }
+    kept
 }
 
 /// Gathers the hits of one turn into patches.
@@ -181,6 +199,17 @@ mod tests {
             [1.0, 1.01, 3.4, 1.02, 1.0].map(|z| hit(1.1, 3.1, z)).into_iter().collect();
         let patches = gather(&hits, 0.25);
         assert_eq!(patches.iter().map(|p| p.n_beams).collect::<Vec<_>>(), [4, 1]);
+    }
+
+    #[test]
+    fn passing_beams_are_thinned_by_their_ends() {
+        // 2 m down a wall in steps of 3 cm, then a jump: every fifth (15 cm) of 67, and the jump.
+        let mut ends: Vec<_> =
+            (0..67).map(|k| Point::new(5.0, 1.0, 2.0 - 0.03 * f64::from(k))).collect();
+        ends.push(Point::new(2.0, 1.0, 0.02));
+        let kept = passing(&ends, 0.25);
+        assert_eq!(kept.len(), 14 + 1);
+        assert!((kept[1][2] - 1.85).abs() < 1e-6);
     }
 
     #[test]

@@ -4,7 +4,7 @@ use super::base::BaseSurface;
 use super::bay::WHOLE_REGION;
 use super::belief::CoarseField;
 use super::field_map::{self, FieldMap, NewestField, Setup, SolveField};
-use super::footprint::{Footprint, LineHit, gather};
+use super::footprint::{Footprint, LineHit, gather, passing};
 use super::grid_map::{self, Bays, GridMap, SolveGrid};
 use super::kalman_grid::KalmanGrid;
 use super::matern_field::{FieldError, Lattice};
@@ -121,19 +121,23 @@ impl Mapper {
     ) {
         let middle = middle_of(scan);
         let shared = self.shared(middle, &pose_at, &error_at);
-        let mut hits = Vec::new();
+        let (mut hits, mut ends_elsewhere) = (Vec::new(), Vec::new());
         for beam in &scan.beams {
             self.counts.received += 1;
-            let hit = self.hit(beam, || pose_at(scan.beam_at(beam)));
-            let fate = match hit.and_then(|hit| Ok((hit, shared.as_ref().map_err(|fate| *fate)?))) {
-                Ok(((hit, hall_from_body), shared)) => {
-                    self.grid.insert(&hit, &self.settings.region);
+            let seen = self.hit(beam, || pose_at(scan.beam_at(beam)));
+            let fate = match seen.and_then(|seen| Ok((seen, shared.as_ref().map_err(|f| *f)?))) {
+                Ok((seen, shared)) if self.is_material(&seen.hit) => {
+                    self.grid.insert(&seen.hit, &self.settings.region);
                     self.on_grid.n_beams += 1;
                     self.on_grid.newest_at = self.on_grid.newest_at.max(Some(middle));
                     if shared.is_some() {
-                        hits.push(self.line_hit(&hit, &hall_from_body));
+                        hits.push(self.line_hit(&seen.hit, &seen.hall_from_body));
                     }
                     Fate::Used
+                }
+                Ok((seen, _)) => {
+                    ends_elsewhere.push(seen.hit.place);
+                    Fate::Outside
                 }
                 Err(fate) => fate,
             };
@@ -143,7 +147,8 @@ impl Mapper {
         if let (Some(field), Ok(Some((error, hall_from_body)))) = (&mut self.field, shared)
             && !patches.is_empty()
         {
-            field.push(Footprint { error, hall_from_body, lidar_idx: 0, patches });
+            let passed_to_m = passing(&ends_elsewhere, self.settings.cell_m);
+            field.push(Footprint { error, hall_from_body, lidar_idx: 0, patches, passed_to_m });
         }
     }
 
@@ -246,12 +251,12 @@ impl Mapper {
         self.counts.no_pose += n_beams;
     }
 
-    /// Where a beam hit the surface and from which pose, or why it did not.
+    /// Where a beam ended and from which pose, or why nothing can be said of that.
     fn hit(
         &self,
         beam: &Beam,
         pose_at: impl FnOnce() -> Option<PoseWithCov>,
-    ) -> Result<(Hit, Transform<Hall, Body>), Fate> {
+    ) -> Result<Seen, Fate> {
         let mount = &self.settings.lidar;
         let range_m = f64::from(beam.range_m);
         if !(mount.min_range_m..=mount.max_range_m).contains(&range_m) {
@@ -267,13 +272,14 @@ impl Mapper {
         if !is_sure {
             return Err(Fate::PoorPose);
         }
-        let hit = project(mount, beam, &hall_from_body, &pose_cov);
+        Ok(Seen { hit: project(mount, beam, &hall_from_body, &pose_cov), hall_from_body })
+    }
+
+    /// True if a hit can be of what is measured.
+    fn is_material(&self, hit: &Hit) -> bool {
         let p = hit.place.coords;
         let is_surface = (self.lowest_m..=self.settings.max_height_m).contains(&p.z);
-        if !is_surface || !self.settings.region.accepts(p.x, p.y) || self.is_obstacle(&p) {
-            return Err(Fate::Outside);
-        }
-        Ok((hit, hall_from_body))
+        is_surface && self.settings.region.accepts(p.x, p.y) && !self.is_obstacle(&p)
     }
 
     /// True if a hit belongs to something that stands or hangs in the hall.
@@ -358,6 +364,13 @@ fn field_setup(settings: &Settings, geometry: &GridGeometry, bays: &Bays) -> Arc
         lidars: vec![settings.lidar.clone()],
         bays: Arc::clone(bays),
     })
+}
+
+/// Where a beam ended, and the pose that it started from.
+#[derive(Debug, Clone, Copy)]
+struct Seen {
+    hit: Hit,
+    hall_from_body: Transform<Hall, Body>,
 }
 
 #[derive(Debug, Clone, Copy)]

@@ -153,6 +153,19 @@ impl Polygon {
         self.edges().map(to_edge).fold(f64::INFINITY, f64::min)
     }
 
+    /// True if no corner turns inwards.
+    #[must_use]
+    pub fn is_convex(&self) -> bool {
+        let turns = std::iter::zip(self.edges(), self.edges().skip(1).chain(self.edges().take(1)));
+        let (mut is_left, mut is_right) = (false, false);
+        for ((a, b), (_, c)) in turns {
+            let turn_m2 = (b.0 - a.0) * (c.1 - b.1) - (b.1 - a.1) * (c.0 - b.0);
+            is_left |= turn_m2 > 0.0;
+            is_right |= turn_m2 < 0.0;
+        }
+        !(is_left && is_right)
+    }
+
     /// True if the straight line between two points touches the polygon.
     #[must_use]
     pub fn cuts(&self, a: Place, b: Place) -> bool {

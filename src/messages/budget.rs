@@ -11,6 +11,8 @@ pub enum BudgetSource {
     Roughness,
     /// Hollows below a cell's size that grazing beams do not see: the share of what may hide there.
     Occlusion,
+    /// Ground that no beam reached, of which only the rays over it are known.
+    HiddenGround,
     /// The vehicle's pose, correlated along the flight.
     Pose,
     /// How the LiDAR is bolted on: one constant error per axis of position and rotation.
@@ -31,11 +33,12 @@ pub enum BudgetSource {
 
 impl BudgetSource {
     /// Every source, in the order of a measurement's path.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 13] = [
         Self::Prior,
         Self::BeamNoise,
         Self::Roughness,
         Self::Occlusion,
+        Self::HiddenGround,
         Self::Pose,
         Self::LidarMounting,
         Self::RangeBias,
@@ -54,6 +57,7 @@ impl BudgetSource {
             Self::BeamNoise => "beam_noise",
             Self::Roughness => "roughness",
             Self::Occlusion => "occlusion",
+            Self::HiddenGround => "hidden_ground",
             Self::Pose => "pose",
             Self::LidarMounting => "lidar_mounting",
             Self::RangeBias => "range_bias",

@@ -7,6 +7,8 @@ use crate::messages::{
     VehicleCommand, VehicleState, VolumeAccount, VolumeEstimate,
 };
 use crate::mission::Phase;
+use crate::planning::Waypoint;
+use crate::planning::planner::{PlanEnd, Prediction};
 use crate::time::{Mono, Stamp};
 
 /// Everything the brain learns. Numbers inside are finite: the edges refuse the rest.
@@ -79,6 +81,8 @@ pub enum Action {
     SurfaceSolved(Box<HeightMap>),
     /// The volumes of a new surface with the accounts of their uncertainty (for the log).
     VolumesAccounted(Vec<VolumeAccount>),
+    /// The waypoints ahead are others than before (for the log and the displays).
+    PlanChosen(Box<PlanChoice>),
     /// The flight is over: landed and disarmed with its final result, or aborted on the ground.
     Ended(Box<FlightSummary>),
 }
@@ -100,6 +104,19 @@ pub struct VolumeReport {
     pub position_sigma_m: Option<f64>,
     /// This is the result after landing.
     pub is_final: bool,
+}
+
+/// A plan that was taken in.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlanChoice {
+    /// When.
+    pub at: Stamp<Mono>,
+    /// The waypoints that are flown to, the decided ones first.
+    pub ahead: Vec<Waypoint>,
+    /// Why it ends where it does.
+    pub end: PlanEnd,
+    /// What it is expected to lead to, from planners that know.
+    pub prediction: Option<Prediction>,
 }
 
 /// One step of the mission machine.

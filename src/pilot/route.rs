@@ -27,13 +27,15 @@ impl Route {
         self.path.let_go();
     }
 
-    /// Takes in what the planner chose.
-    pub(super) fn on_plan(&mut self, plan: Plan, now: Stamp<Mono>) {
-        if self.plan.on_plan(plan) && self.path.is_surveying() {
+    /// Takes in what the planner chose; false if it came too late.
+    pub(super) fn on_plan(&mut self, plan: &Plan, now: Stamp<Mono>) -> bool {
+        let is_taken = self.plan.on_plan(plan);
+        if is_taken && self.path.is_surveying() {
             self.go_around(now);
             self.path.forget_waypoints();
             self.survey(now);
         }
+        is_taken
     }
 
     /// Flies the survey from the present motion on; to be called again and again.

@@ -22,6 +22,8 @@ const N_PENDING: usize = 2;
 
 /// Waypoints whose ways are looked at.
 const N_LOOKED_AT: usize = 10;
+/// A program outside that fails so often in a row is not asked again.
+const MOST_FAILURES: u32 = 3;
 
 /// The waypoints of the survey.
 #[derive(Debug, Clone)]
@@ -39,6 +41,12 @@ pub(super) struct SurveyPlan {
     asked_behind: Option<Waypoint>,
     /// Why no further plan is asked for.
     end: Option<PlanEnd>,
+    /// Something has changed since the plan was asked for.
+    is_stale: bool,
+    /// Failures of the program outside since its last plan.
+    n_failures: u32,
+    /// The planner believes that the target is reached; the next account says whether it is.
+    awaits_account: bool,
 }
 
 /// What a plan rests on besides map and free space.
@@ -66,6 +74,9 @@ impl SurveyPlan {
             planned_at_step: None,
             asked_behind: None,
             end: None,
+            is_stale: false,
+            n_failures: 0,
+            awaits_account: false,
         }
     }
 
@@ -76,6 +87,9 @@ impl SurveyPlan {
         self.planned_at_step = None;
         self.asked_behind = None;
         self.end = None;
+        self.is_stale = false;
+        self.n_failures = 0;
+        self.awaits_account = false;
     }
 
     pub(super) const fn settings(&self) -> &Settings {
@@ -127,6 +141,7 @@ impl SurveyPlan {
 
     /// Ends the survey where it is once the volume is sure enough. True if it does.
     pub(super) fn stops_at_target(&mut self, whole: &VolumeAccount) -> bool {
+        self.awaits_account = false;
         let estimate = &whole.estimate;
         let is_reached = self
             .settings
@@ -157,6 +172,7 @@ impl SurveyPlan {
             std::iter::once(from).chain(self.ahead.iter().take(n_pending).copied()).collect();
         let pending_m: f64 = pending.windows(2).map(|pair| pair[0].distance_m(&pair[1])).sum();
         self.asked_behind = pending.last().copied();
+        self.is_stale = false;
         Some(PlanRequest {
             settings: self.settings.clone(),
             current: self.ahead.iter().skip(n_pending).copied().collect(),
@@ -178,13 +194,15 @@ impl SurveyPlan {
 
     fn is_due(&self) -> bool {
         let is_open = self.end.is_none()
+            && !self.awaits_account
             && self.steps_done + self.ahead.len().min(N_PENDING) < self.settings.n_steps;
         is_open
             && match self.settings.planner {
                 PlannerKind::Greedy => self.ahead.len() < N_PENDING,
                 PlannerKind::SquareWave => self.planned_at_step.is_none(),
-                PlannerKind::Horizon => {
-                    self.ahead.is_empty()
+                PlannerKind::Horizon | PlannerKind::External => {
+                    self.is_stale
+                        || self.ahead.is_empty()
                         || self
                             .planned_at_step
                             .is_none_or(|step| self.steps_done >= step + REPLAN_AFTER_STEPS)
@@ -212,7 +230,7 @@ impl SurveyPlan {
     }
 
     /// Takes in a plan. False if the vehicle has left the place from which it goes on.
-    pub(super) fn on_plan(&mut self, plan: Plan) -> bool {
+    pub(super) fn on_plan(&mut self, plan: &Plan) -> bool {
         let Some(behind) = self.asked_behind.take() else { return false };
         let place = self.ahead.iter().position(|waypoint| *waypoint == behind);
         match place {
@@ -221,17 +239,56 @@ impl SurveyPlan {
             None if self.ahead.is_empty() => {}
             None => return false,
         }
-        self.ahead.extend(plan.waypoints);
+        self.ahead.extend(plan.waypoints.iter().copied());
         self.planned_at_step = Some(self.steps_done);
+        self.n_failures = 0;
         // A search goes on to better what it found; the others stand by their word.
         self.end = match (self.settings.planner, plan.end) {
-            (_, PlanEnd::Open) => None,
-            (PlannerKind::Horizon, PlanEnd::Target | PlanEnd::Budget) if !self.ahead.is_empty() => {
-                None
-            }
+            // A search is asked again; and whether the target is reached is the account's to say.
+            (_, PlanEnd::Open) | (PlannerKind::Horizon, PlanEnd::Target) => None,
+            (PlannerKind::Horizon, PlanEnd::Budget) if !self.ahead.is_empty() => None,
             (_, end) => Some(end),
         };
+        self.awaits_account = self.settings.planner == PlannerKind::Horizon
+            && plan.end == PlanEnd::Target
+            && self.ahead.is_empty();
         true
+    }
+
+    /// True if nothing is flown until the next account is there.
+    pub(super) const fn awaits_account(&self) -> bool {
+        self.awaits_account
+    }
+
+    /// Something has changed that the plan did not know: a search is asked again at once, even if it
+    /// had found that more flying hardly pays.
+    pub(super) fn ask_anew(&mut self) {
+        self.is_stale = true;
+        if self.end == Some(PlanEnd::SmallGain) {
+            self.end = None;
+        }
+    }
+
+    /// The waypoints ahead are not flown any more: a search goes on from where the vehicle is. What was
+    /// laid out once and for all stays.
+    pub(super) fn ask_from_here(&mut self) {
+        self.ask_anew();
+        if matches!(self.settings.planner, PlannerKind::Horizon | PlannerKind::External) {
+            self.ahead.clear();
+            // A plan that is being made goes on from elsewhere.
+            self.asked_behind = None;
+        }
+    }
+
+    /// A program outside gave no plan: what is ahead stands, and it is asked again. False once that has
+    /// happened too often.
+    pub(super) fn on_failure(&mut self) -> bool {
+        self.asked_behind = None;
+        self.n_failures += 1;
+        if self.n_failures >= MOST_FAILURES {
+            self.end = Some(PlanEnd::NothingFree);
+        }
+        self.end.is_none()
     }
 
     /// The planner gave nothing.
@@ -273,15 +330,17 @@ impl SurveyPlan {
     }
 }
 
-/// Variance of the volume that no flight changes: calibration, markers, base.
+/// Variance of the volume that no flight changes: calibration, markers, base. The density concerns
+/// tonnes only.
 fn constant_var_m6(account: &VolumeAccount) -> f64 {
-    let flown =
-        [BudgetSource::Prior, BudgetSource::BeamNoise, BudgetSource::Roughness, BudgetSource::Pose];
-    account
-        .budget
-        .rows
-        .iter()
-        .filter(|row| !flown.contains(&row.source))
-        .map(|row| row.var_m6)
-        .sum()
+    let constant = [
+        BudgetSource::LidarMounting,
+        BudgetSource::RangeBias,
+        BudgetSource::RangeScale,
+        BudgetSource::ClockOffset,
+        BudgetSource::MarkerMap,
+        BudgetSource::Base,
+    ];
+    let rows = account.budget.rows.iter();
+    rows.filter(|row| constant.contains(&row.source)).map(|row| row.var_m6).sum()
 }

@@ -8,6 +8,9 @@ const STEP_CELLS: f64 = 0.8;
 /// A cell hides what is behind it only if it stands this far above the ray, in cells.
 const CLEARANCE_CELLS: f64 = 0.4;
 
+/// Ground that no ray has reached yet lies so much lower than the surface drawn over it, m.
+const HOLLOW_M: f64 = 0.5;
+
 /// Share of the ground at `end` (x, y) that is seen from `origin`: none behind ground that the map
 /// knows; else all of it where the map knows it, and `unknown_ratio` where it does not.
 #[must_use]
@@ -18,7 +21,9 @@ pub fn seen_ratio(
     unknown_ratio: f64,
 ) -> f64 {
     let Some(end_cell) = heights.grid.cell_at(end.x, end.y) else { return 0.0 };
-    let target = Vector3::new(end.x, end.y, heights.height_m[end_cell]);
+    // Ground is unknown because it was hidden so far: it lies low rather than high.
+    let hollow_m = if heights.is_known[end_cell] { 0.0 } else { HOLLOW_M };
+    let target = Vector3::new(end.x, end.y, heights.height_m[end_cell] - hollow_m);
     let way_m = (target - origin).xy().norm();
     let cell_m = heights.grid.cell_m;
     let n_parts = (way_m / (STEP_CELLS * cell_m)).ceil().max(1.0);
@@ -46,7 +51,7 @@ mod tests {
 
     /// A level floor with a wall of 2 m at x = 5 m; nothing is known beyond x = 8 m.
     fn hall() -> KnownHeights {
-        let grid = GridGeometry { x_min_m: 0.0, y_min_m: 0.0, cell_m: 0.25, n_cols: 40, n_rows: 4 };
+        let grid = GridGeometry { x_min_m: 0.0, y_min_m: 0.0, cell_m: 0.25, n_cols: 48, n_rows: 4 };
         let x_m = |cell: usize| grid.centre_m(cell).0;
         KnownHeights {
             grid,
@@ -65,13 +70,14 @@ mod tests {
             let origin = Vector3::new(1.0, 0.5, height_m);
             seen_ratio(&heights, &origin, &Vector2::new(x_m, 0.5), 0.7)
         };
-        // From 4 m over x = 1 m the ray over the wall's top at x = 5 m meets the floor at x = 9 m.
+        // From 4 m over x = 1 m the ray over the wall's far top at x = 5.25 m meets the floor at x = 9.5 m,
+        // and unknown ground, which is looked for half a metre lower, at x = 10.6 m.
         let is = |(height_m, x_m): (f64, f64), ratio: f64| {
             assert!((seen(height_m, x_m) - ratio).abs() < 1e-12, "{height_m} m, x = {x_m} m");
         };
         [3.0, 4.5].iter().for_each(|x_m| is((4.0, *x_m), 1.0));
-        [6.0, 7.5, 8.5].iter().for_each(|x_m| is((4.0, *x_m), 0.0));
-        is((4.0, 9.6), 0.7);
+        [6.0, 7.5, 8.5, 9.8].iter().for_each(|x_m| is((4.0, *x_m), 0.0));
+        is((4.0, 11.2), 0.7);
         // From 16 m the shadow is less than 0.6 m long.
         is((16.0, 6.0), 1.0);
         is((16.0, 8.5), 0.7);

@@ -27,11 +27,11 @@ use scene::Scene;
 pub struct Horizon;
 
 /// Paths that are looked at when there is no plan yet.
-const N_FRESH: usize = 400;
+const N_FRESH: usize = 1500;
 /// Going on at all is judged as if it cost this much more, m.
 const LEAST_COST_M: f64 = 1.0;
 /// Paths that are looked at to better the present plan.
-const N_AGAIN: usize = 150;
+const N_AGAIN: usize = 450;
 
 impl Planner for Horizon {
     fn plan(&self, request: &PlanRequest) -> Plan {

@@ -89,6 +89,21 @@ pub enum PlanEnd {
     NothingFree,
 }
 
+impl PlanEnd {
+    /// For logs.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Open => "open",
+            Self::Complete => "complete",
+            Self::Target => "target",
+            Self::SmallGain => "small_gain",
+            Self::Budget => "budget",
+            Self::NothingFree => "nothing_free",
+        }
+    }
+}
+
 /// What a plan is expected to lead to.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Prediction {
@@ -120,21 +135,23 @@ impl Plan {
 }
 
 impl PlanRequest {
-    /// Makes the plan by the configured planner.
+    /// Makes the plan by the configured planner; nothing if that is a program outside.
     #[must_use]
     pub fn run(&self) -> Plan {
-        self.settings.planner.planner().plan(self)
+        let planner = self.settings.planner.planner();
+        planner.map_or(Plan::nothing(PlanEnd::NothingFree), |planner| planner.plan(self))
     }
 }
 
 impl PlannerKind {
-    /// The planner of this kind.
+    /// The planner of this kind; `None` for a program outside.
     #[must_use]
-    pub fn planner(self) -> &'static dyn Planner {
+    pub fn planner(self) -> Option<&'static dyn Planner> {
         match self {
-            Self::SquareWave => &SquareWave,
-            Self::Greedy => &Greedy,
-            Self::Horizon => &Horizon,
+            Self::SquareWave => Some(&SquareWave),
+            Self::Greedy => Some(&Greedy),
+            Self::Horizon => Some(&Horizon),
+            Self::External => None,
         }
     }
 }

@@ -21,9 +21,12 @@
 use super::Waypoint;
 use super::free_space::FreeSpace;
 use super::height_view::seen_ratio;
+use super::space::SpaceSettings;
 use crate::mapping::KnownHeights;
 use crate::mapping::belief::{CoarseField, Sightings, height_and_tilt_cov};
+use crate::mapping::polygon::Polygon;
 use crate::mapping::projection::LidarMount;
+use crate::mapping::solid::{self, Solid};
 use crate::units::wrapped_rad;
 use nalgebra::{Matrix3, Vector2, Vector3};
 
@@ -51,6 +54,10 @@ pub struct Sight {
     max_range_m: f64,
     /// Variance of the filter's pose over that of one fix.
     fix_var_share: f64,
+    /// What stands in the way of rays beside the material.
+    obstacles: Vec<Solid>,
+    /// The walls, if a ray inside can meet them before the ground.
+    walls: Option<Polygon>,
 }
 
 /// One ray of the scan, per metre that it falls.
@@ -86,7 +93,17 @@ impl Sight {
             min_range_m: lidar.min_range_m,
             max_range_m: lidar.max_range_m,
             fix_var_share,
+            obstacles: Vec::new(),
+            walls: None,
         }
+    }
+
+    /// The same among obstacles and walls.
+    #[must_use]
+    pub fn among(self, space: &SpaceSettings) -> Self {
+        // Inside of a convex outline nothing of it is between two places.
+        let walls = space.walls.clone().filter(|walls| !walls.is_convex());
+        Self { obstacles: space.obstacles.clone(), walls, ..self }
     }
 
     /// What a vehicle sees on its way from one waypoint to the next; nothing where it would not know
@@ -148,7 +165,6 @@ impl Sight {
         (before, now): (&ScanLine, &ScanLine),
         at: &Waypoint,
     ) {
-        let info_per_area = field.info_per_area();
         for (i, ray) in self.rays.iter().enumerate() {
             let range_m = ray.length * now.drop_m;
             if !(self.min_range_m..=self.max_range_m).contains(&range_m) {
@@ -156,6 +172,9 @@ impl Sight {
             }
             let end = now.ends[i];
             let Some(row) = field.lattice().row_at(end.x, end.y) else { continue };
+            if self.is_blocked(&now.origin, &end) {
+                continue;
+            }
             let line = turned(&ray.line, now.turn);
             let shift = end - before.ends[i];
             let sweep_m = (shift.x * line.y - shift.y * line.x).abs().max(LEAST_SWEEP_M);
@@ -164,8 +183,21 @@ impl Sight {
                 seen_ratio(heights, &now.origin, &end, ray.seen_ratio)
             });
             let arm = end - at.place.coords.xy();
-            seen.add(&row, info_per_area * area_m2 * share, (arm.x, arm.y));
+            seen.add(&row, field.info_per_area_seen_with(share) * area_m2, (arm.x, arm.y));
+            seen.count(&row, area_m2 * share);
         }
+    }
+}
+
+impl Sight {
+    /// True if something solid stands between.
+    fn is_blocked(&self, origin: &Vector3<f64>, end: &Vector2<f64>) -> bool {
+        let target = Vector3::new(end.x, end.y, self.nominal_height_m);
+        let is_walled = |walls: &Polygon| {
+            walls.border_distance_of_line_m((origin.x, origin.y), (end.x, end.y)) <= 0.0
+        };
+        solid::blocks_sight(&self.obstacles, origin, &target)
+            || self.walls.as_ref().is_some_and(is_walled)
     }
 }
 

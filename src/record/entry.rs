@@ -5,7 +5,8 @@ use super::twin;
 use crate::messages::{
     AutopilotPose, BatterySample, CommandOutcome, ImuSample, OperatorCommand, VehicleState,
 };
-use crate::pilot::{Action, Event, JobId};
+use crate::pilot::{Action, Event, Job, JobId, JobOutput};
+use crate::planning::planner::Plan;
 use crate::time::{Mono, Stamp};
 use serde::Serialize;
 
@@ -17,13 +18,32 @@ type JsonReader<'a> = serde_json::Deserializer<serde_json::de::SliceRead<'a>>;
 pub enum RecordedEvent {
     /// Any event but a finished job.
     Plain(Event),
-    /// A finished job; a replay runs the job of this number again.
+    /// A finished job; a replay runs the job of this number again, unless it was done outside.
     Finished {
         /// When its result reached the brain.
         at: Stamp<Mono>,
         /// The job's number.
         id: JobId,
+        /// What a program outside found, which nobody can compute again.
+        outside: Option<Result<Plan, String>>,
     },
+}
+
+impl RecordedEvent {
+    /// The event for a brain: plain, or with the output of its job; `None` if that job never began.
+    pub(super) fn for_brain(
+        self,
+        take_job: impl FnOnce(JobId) -> Option<Box<Job>>,
+    ) -> Option<Event> {
+        match self {
+            Self::Plain(event) => Some(event),
+            Self::Finished { at, id, outside } => {
+                let job = take_job(id)?;
+                let output = outside.map_or_else(|| job.run(), JobOutput::PlannedOutside);
+                Some(Event::Finished { at, id, output: Box::new(output) })
+            }
+        }
+    }
 }
 
 /// An event or a result without what a replay computes anew: jobs and their outputs.
@@ -40,8 +60,9 @@ pub(super) enum Entry {
 impl From<&Event> for Entry {
     fn from(event: &Event) -> Self {
         match event {
-            Event::Finished { at, id, .. } => {
-                Self::Event(RecordedEvent::Finished { at: *at, id: *id })
+            Event::Finished { at, id, output } => {
+                let outside = output.outside().cloned();
+                Self::Event(RecordedEvent::Finished { at: *at, id: *id, outside })
             }
             other => Self::Event(RecordedEvent::Plain(other.clone())),
         }
@@ -69,8 +90,8 @@ impl Entry {
         match self {
             Self::Event(RecordedEvent::Plain(event)) => encode_event(event),
             Self::Result(action) => encode_action(action),
-            Self::Event(RecordedEvent::Finished { at, id }) => {
-                encode(Topic::Finished, &twin::FinishedTwin { at: *at, id: *id })
+            Self::Event(RecordedEvent::Finished { at, id, outside }) => {
+                encode(Topic::Finished, &twin::FinishedTwin::new(*at, *id, outside.as_ref()))
             }
             Self::Started { id } => encode(Topic::Started, &twin::StartedTwin { id: *id }),
         }
@@ -101,6 +122,7 @@ pub(super) fn encode_action(action: &Action) -> serde_json::Result<Encoded> {
         Action::VolumesAccounted(it) => {
             encode(Topic::Accounts, &twin::AccountsTwin::from(it.as_slice()))
         }
+        Action::PlanChosen(it) => encode(Topic::Plan, &twin::PlanTwin::from(it.as_ref())),
         Action::Ended(it) => encode_by(Topic::Ended, |to| twin::EndedTwin::serialize(it, to)),
     }
 }
@@ -126,8 +148,8 @@ fn encode_event(event: &Event) -> serde_json::Result<Encoded> {
         Event::AutopilotRebooted(at) => {
             encode(Topic::AutopilotRebooted, &twin::InstantTwin { at: *at })
         }
-        Event::Finished { at, id, .. } => {
-            encode(Topic::Finished, &twin::FinishedTwin { at: *at, id: *id })
+        Event::Finished { at, id, output } => {
+            encode(Topic::Finished, &twin::FinishedTwin::new(*at, *id, output.outside()))
         }
     }
 }
@@ -179,8 +201,7 @@ pub(super) fn decode_event(topic: Topic, json: &[u8]) -> Option<serde_json::Resu
             }
             Topic::Finished => {
                 return Some(
-                    serde_json::from_slice::<twin::FinishedTwin>(json)
-                        .map(|twin| RecordedEvent::Finished { at: twin.at, id: twin.id }),
+                    serde_json::from_slice::<twin::FinishedTwin>(json).map(RecordedEvent::from),
                 );
             }
             _ => return None,

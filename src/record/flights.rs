@@ -73,14 +73,8 @@ struct Flown {
 impl Flown {
     fn take(&mut self, at: Stamp<Mono>, event: RecordedEvent) {
         self.read.last_at = at;
-        let event = match event {
-            RecordedEvent::Plain(event) => event,
-            RecordedEvent::Finished { at, id } => {
-                // A job that this build has not begun: another build's log.
-                let Some(job) = self.jobs.remove(&id) else { return };
-                Event::Finished { at, id, output: Box::new(job.run()) }
-            }
-        };
+        // A job that this build has not begun: another build's log.
+        let Some(event) = event.for_brain(|id| self.jobs.remove(&id)) else { return };
         // Only a person starts a flight, and the map begins anew with it.
         let before = matches!(event, Event::Operator(_)).then(|| self.turns());
         let mut actions = Vec::new();

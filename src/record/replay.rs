@@ -2,7 +2,7 @@
 //!
 //! Every recorded event goes to a fresh brain in the recorded order; what the brain gives out is
 //! put into its recorded form and compared with the file byte by byte. Jobs are run again when
-//! their end was recorded.
+//! their end was recorded; what a program outside answered comes from the log.
 
 use super::entry::{Encoded, RecordedEvent, encode_action};
 use super::reader::{LogItem, LogReader};
@@ -146,15 +146,9 @@ impl<S: FnMut(Event, &mut Vec<Action>)> Run<S> {
             return Ok(false);
         }
         self.last_at = at;
-        let event = match event {
-            RecordedEvent::Plain(event) => event,
-            RecordedEvent::Finished { at, id } => {
-                let Some(output) = self.jobs.remove(&id).map(|job| Box::new(job.run())) else {
-                    self.note(Some((Topic::Finished, format!("{{\"id\":{}}}", id.0))), None);
-                    return Ok(false);
-                };
-                Event::Finished { at, id, output }
-            }
+        let Some(event) = event.for_brain(|id| self.jobs.remove(&id)) else {
+            self.note(Some((Topic::Finished, "a job that never began".to_owned())), None);
+            return Ok(false);
         };
         let mut actions = Vec::new();
         (self.step)(event, &mut actions);

@@ -78,6 +78,8 @@ topics! {
     Surface = "/result/surface", twin::SurfaceTwin;
     /// The volumes of a surface with the accounts of their uncertainty.
     Accounts = "/result/accounts", twin::AccountsTwin;
+    /// The waypoints ahead, and what they are expected to lead to.
+    Plan = "/result/plan", twin::PlanTwin;
     /// What the flight came to.
     Ended = "/result/ended", twin::EndedTwin;
     /// Versions and the effective configuration; the first message of every file.

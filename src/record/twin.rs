@@ -6,13 +6,15 @@
 mod budget;
 mod enums;
 mod events;
+mod jobs;
 mod results;
 mod scalars;
 
 pub(super) use events::{
-    AutopilotPoseTwin, BatteryTwin, CommandOutcomeTwin, FinishedTwin, ImuTwin, InstantTwin,
-    OperatorTwin, ScanTwin, TagsTwin, VehicleTwin,
+    AutopilotPoseTwin, BatteryTwin, CommandOutcomeTwin, ImuTwin, InstantTwin, OperatorTwin,
+    ScanTwin, TagsTwin, VehicleTwin,
 };
+pub(super) use jobs::{FinishedTwin, PlanTwin};
 pub(super) use results::{
     AccountsTwin, AnswerTwin, CommandTwin, EndedTwin, FixTwin, OdometryTwin, PhaseTwin,
     SetpointTwin, StartedTwin, SurfaceTwin, TextTwin, VolumeReportTwin,

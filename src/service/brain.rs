@@ -3,6 +3,7 @@
 mod ticker;
 
 use super::clock::Clock;
+use super::external_planner;
 use super::recorder::Recorder;
 use super::status::{ServiceStats, ServiceStatus};
 use crate::link::transport::{Outgoing, Received, Transport};
@@ -217,7 +218,12 @@ impl Brain {
 
     fn start(&mut self, id: JobId, job: Box<Job>) {
         self.status.stats.jobs_started += 1;
-        self.jobs.spawn_blocking(move || (id, job.run()));
+        if job.outside().is_none() {
+            self.jobs.spawn_blocking(move || (id, job.run()));
+        } else {
+            let job = Arc::from(job);
+            self.jobs.spawn(async move { (id, external_planner::run(job).await) });
+        }
     }
 
     fn witness_event(&mut self, event: &Event) {

@@ -61,6 +61,7 @@ impl Origin {
             | BudgetSource::BeamNoise
             | BudgetSource::Roughness
             | BudgetSource::Occlusion
+            | BudgetSource::HiddenGround
             | BudgetSource::Pose
             | BudgetSource::ClockOffset
             | BudgetSource::Density => None,

@@ -14,7 +14,9 @@ use stockpilot::messages::{
     VolumeBudget, VolumeEstimate, VolumeShares,
 };
 use stockpilot::mission::Phase;
-use stockpilot::pilot::{Action, Event, FlightSummary, PhaseChange, VolumeReport};
+use stockpilot::pilot::{Action, Event, FlightSummary, PhaseChange, PlanChoice, VolumeReport};
+use stockpilot::planning::Waypoint;
+use stockpilot::planning::planner::{PlanEnd, Prediction};
 use stockpilot::record::{LogItem, LogReader, Topic};
 use stockpilot::time::{Mono, Stamp};
 
@@ -199,6 +201,12 @@ fn actions() -> Vec<Action> {
         path_length_m: 31.5,
         is_complete: true,
     };
+    let plan = PlanChoice {
+        at: AT,
+        ahead: vec![Waypoint { place: Point::new(1.0, 2.0, 7.0), yaw_rad: 0.5 }],
+        end: PlanEnd::SmallGain,
+        prediction: Some(Prediction { sigma_now_m3: 9.0, sigma_end_m3: 1.5, length_m: 12.0 }),
+    };
     vec![
         Action::Steer(setpoint),
         Action::PublishOdometry(Box::new(nav())),
@@ -214,6 +222,7 @@ fn actions() -> Vec<Action> {
         Action::FixTreated(Box::new(fix())),
         Action::SurfaceSolved(Box::new(surface())),
         Action::VolumesAccounted(vec![account()]),
+        Action::PlanChosen(Box::new(plan)),
         Action::Ended(Box::new(summary)),
     ]
 }
@@ -246,7 +255,7 @@ fn results_are_recorded_with_their_units_and_names() {
         }
     }
     assert_eq!(seen.len(), 11);
-    assert_eq!(results.len(), 11);
+    assert_eq!(results.len(), 12);
     let of = |topic: Topic| &results[&topic];
     assert_eq!(of(Topic::Setpoint)["position_m"], serde_json::json!([1.0, 2.0, 3.0]));
     assert_eq!(of(Topic::Command)["command"], "enter_land");
@@ -259,6 +268,9 @@ fn results_are_recorded_with_their_units_and_names() {
     assert_eq!(of(Topic::Fix)["verdict"], "fused");
     assert_eq!(of(Topic::Fix)["fix"]["q_pos"], 12.5);
     assert_eq!(of(Topic::Surface)["grid"]["n_cols"], 3);
+    assert_eq!(of(Topic::Plan)["end"], "small_gain");
+    assert_eq!(of(Topic::Plan)["ahead"][0]["z_m"], 7.0);
+    assert_eq!(of(Topic::Plan)["prediction"]["sigma_end_m3"], 1.5);
     assert_eq!(of(Topic::Ended)["path_length_m"], 31.5);
 }
 

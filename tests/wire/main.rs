@@ -3,6 +3,7 @@
 #![expect(clippy::unwrap_used, clippy::panic, reason = "tests stop at the first surprise")]
 
 mod datagrams;
+mod external_planner;
 mod frames;
 mod guarded;
 mod params;

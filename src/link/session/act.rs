@@ -43,6 +43,7 @@ impl Session {
             | Action::PhaseChanged(_)
             | Action::FixTreated(_)
             | Action::SurfaceSolved(_)
+            | Action::PlanChosen(_)
             | Action::Ended(_) => {}
         }
         self.count_sent(sent_before, out);

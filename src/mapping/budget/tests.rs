@@ -139,6 +139,7 @@ fn footprint(turn: usize, wrong: &Wrong) -> Footprint {
         .collect();
     Footprint {
         lidar_idx: 0,
+        passed_to_m: Vec::new(),
         error: PoseError {
             at: Stamp::ZERO.plus(Duration::from_millis(100 * turn as u64)),
             cov: cov(turn),

@@ -64,7 +64,13 @@ fn leg(start_s: f64, height_m: impl Fn(f64, f64) -> f64) -> Vec<Arc<Footprint>> 
             tags: Vec::new(),
         };
         let hall_from_body = Transform::new(Rotation::identity(), Point::new(x, 3.5, 7.0));
-        Arc::new(Footprint { error, hall_from_body, lidar_idx: 0, patches: patches.collect() })
+        Arc::new(Footprint {
+            error,
+            hall_from_body,
+            lidar_idx: 0,
+            patches: patches.collect(),
+            passed_to_m: Vec::new(),
+        })
     };
     (0..50).map(turn).collect()
 }

@@ -72,6 +72,19 @@ impl Information {
         true
     }
 
+    /// Adds what is known of the height at a node itself without a hit: its information, 1/m², and
+    /// that times the height, 1/m. It counts as no hit.
+    pub fn add_condition(&mut self, node: usize, info_per_m2: f64, info_height_per_m: f64) {
+        if let Some(sums) = self.nodes.get_mut(node)
+            && info_per_m2.is_finite()
+            && info_height_per_m.is_finite()
+        {
+            sums.here += info_per_m2;
+            sums.total += info_per_m2;
+            sums.heights += info_height_per_m;
+        }
+    }
+
     /// Adds the data of another map of the same lattice.
     ///
     /// # Errors

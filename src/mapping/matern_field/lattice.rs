@@ -64,6 +64,12 @@ impl Row {
     pub fn value(&self, at_nodes: &[f64]) -> f64 {
         std::iter::zip(self.nodes, self.weights).map(|(n, a)| a * at_nodes[n as usize]).sum()
     }
+
+    /// True if the point has to do with a marked node.
+    #[must_use]
+    pub fn touches(&self, marked: &[bool]) -> bool {
+        std::iter::zip(self.nodes, self.weights).any(|(n, a)| a > 0.0 && marked[n as usize])
+    }
 }
 
 impl Lattice {
@@ -215,6 +221,22 @@ impl Lattice {
             spread
         };
         along(&along(of_cells, (WEST, EAST), 1), (SOUTH, NORTH), self.n_cols)
+    }
+
+    /// A node and its neighbours, diagonal ones too, walls or not.
+    pub fn around(&self, node: usize) -> impl Iterator<Item = usize> + use<> {
+        let (n_cols, n_rows) = self.size();
+        let (col, row) = (node % n_cols, node / n_cols);
+        let rows = row.saturating_sub(1)..=(row + 1).min(n_rows - 1);
+        let cols = col.saturating_sub(1)..=(col + 1).min(n_cols - 1);
+        rows.flat_map(move |row| cols.clone().map(move |col| row * n_cols + col))
+    }
+
+    /// Nodes that are not marked, and none of whose neighbours is.
+    #[must_use]
+    pub fn far_from(&self, marked: &[bool]) -> Vec<bool> {
+        let is_far = |node: usize| !self.around(node).any(|near| marked[near]);
+        (0..self.n_nodes()).map(is_far).collect()
     }
 
     /// The node that is nearest to a point; one on the border for points outside.

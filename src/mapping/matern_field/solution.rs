@@ -220,16 +220,30 @@ impl Solution {
             }
         }
         let (q, _) = self.system.solve(w, warm_start)?;
-        let operator = &self.system.operator;
-        let prior_var = match &self.system.level {
-            None => operator.energy(&self.lattice, &q),
-            Some(Level { g, c, prior_info }) => {
-                let q_level = c * dot(g, &q);
-                let q_field: Vec<f64> = q.iter().map(|q| q - q_level).collect();
-                operator.energy(&self.lattice, &q_field) + q_level * q_level * prior_info
-            }
-        };
+        let (q_field, of_level) = self.parts(&q);
+        let prior_var = self.system.operator.energy(&self.lattice, &q_field) + of_level;
         Ok(Adjoint { prior_var, var: dot(w, &q), q })
+    }
+
+    /// The part of [`Adjoint::prior_var`] that the bends of the field at these nodes have.
+    #[must_use]
+    pub fn prior_var_at(&self, adjoint: &Adjoint, counts: &[bool]) -> f64 {
+        let (q_field, _) = self.parts(&adjoint.q);
+        let operator = &self.system.operator;
+        let bends = operator.half(&self.lattice, &q_field);
+        let counted = std::iter::zip(bends, counts).filter(|(_, counts)| **counts);
+        operator.scale * counted.map(|(bend, _)| bend * bend).sum::<f64>()
+    }
+
+    /// The field's part qₓ of an adjoint, and what its level adds to the prior's share.
+    fn parts(&self, q: &[f64]) -> (Vec<f64>, f64) {
+        match &self.system.level {
+            None => (q.to_vec(), 0.0),
+            Some(Level { g, c, prior_info }) => {
+                let q_level = c * dot(g, q);
+                (q.iter().map(|q| q - q_level).collect(), q_level * q_level * prior_info)
+            }
+        }
     }
 
     /// Σ w h, corrected for what the iterative solve left: wᵀh + qᵀ(b − Q h). Its error is of

@@ -12,10 +12,14 @@ use std::sync::Arc;
 
 /// Λ: metres that one e-fold of σ^V is worth.
 pub(super) const METRES_PER_E_FOLD: f64 = 150.0;
+/// The same while a target is not reached: low enough that the length is felt on the way there.
+const METRES_PER_E_FOLD_ABOVE_TARGET: f64 = 60.0;
 /// The plan aims this far below the target, for predictions are not exact.
 const AIM_SHARE: f64 = 0.95;
 /// σ^V of accounts over that of the coarse lattice before there is an account.
 const USUAL_SCALE: f64 = 1.15;
+/// Bounds of that ratio: beyond them the lattice says nothing of this map.
+const SCALES: (f64, f64) = (0.5, 10.0);
 /// Turning costs a little even where it takes no time, m/rad: of equal paths the calmer one.
 const TURN_COST_M: f64 = 0.05;
 /// A waypoint costs a little, m.
@@ -51,7 +55,8 @@ impl<'a> Scene<'a> {
             settings.nominal_height_m,
             settings.slope_sigma,
             settings.fix_var_share,
-        );
+        )
+        .among(&settings.space);
         let heights = settings.sees_shadows.then(|| surface.known_heights()).flatten();
         let mut known = field.seen(surface, None);
         let seen_var_m6 = field.volume_var(&[&known]).ok()?.total_m6();
@@ -59,13 +64,15 @@ impl<'a> Scene<'a> {
             let then = field.volume_var(&[&field.seen(surface, Some(account.at))]);
             let flown_m6 = account.sigma_m3.powi(2) - request.constant_var_m6;
             let scale = then.map(|then| (flown_m6 / then.total_m6()).sqrt());
-            scale.ok().filter(|s| s.is_finite()).map_or(USUAL_SCALE, |s| s.clamp(0.8, 2.0))
+            scale
+                .ok()
+                .filter(|s| s.is_finite())
+                .map_or(USUAL_SCALE, |s| s.clamp(SCALES.0, SCALES.1))
         });
         for pair in request.pending.windows(2) {
             let leg =
                 sight.on_way(field, &request.free_space, heights.as_ref(), (&pair[0], &pair[1]));
-            known.info.merge(&leg.info).ok()?;
-            known.windows.extend(leg.windows);
+            known.merge(leg).ok()?;
         }
         Some(Self {
             request,
@@ -90,6 +97,17 @@ impl<'a> Scene<'a> {
         self.request.settings.target_ratio.map(|ratio| ratio * self.request.volume_m3.abs())
     }
 
+    /// The lowest and the highest level that fixes are known for, m.
+    pub(super) fn heights_m(&self) -> (f64, f64) {
+        let z = self.request.free_space.quality().axes().z;
+        (z.first, z.last())
+    }
+
+    /// True if there is a choice of heights.
+    pub(super) fn has_heights(&self) -> bool {
+        self.request.free_space.quality().axes().z.n > 1
+    }
+
     /// What a leg costs in metres at cruise: a turn that takes longer than the way is waited for.
     fn leg_cost_m(&self, from: &Waypoint, to: &Waypoint) -> f64 {
         let turn_rad = wrapped_rad(to.yaw_rad - from.yaw_rad).abs();
@@ -100,11 +118,7 @@ impl<'a> Scene<'a> {
 
     /// The waypoints of a straight leg, no further apart than a step.
     pub(super) fn steps(&self, from: &Waypoint, to: &Waypoint) -> Vec<Waypoint> {
-        let step_m = self.request.settings.step_radius_m;
-        let n_parts = (from.distance_m(to) / step_m - 1e-9).ceil().max(1.0);
-        std::iter::successors(Some(1.0), |k| (*k < n_parts).then_some(k + 1.0))
-            .map(|k| from.towards(to, k / n_parts))
-            .collect()
+        from.steps_to(to, self.request.settings.step_radius_m)
     }
 
     /// True if one may fly straight from one to the other, step by step as it will be flown.
@@ -220,8 +234,10 @@ impl<'a> Scene<'a> {
 
     /// What the search makes small, m.
     pub(super) fn score(&self, cost_m: f64, sigma_m3: f64) -> f64 {
-        let aim_m3 = self.target_m3().map_or(1e-3, |target_m3| AIM_SHARE * target_m3);
-        cost_m + METRES_PER_E_FOLD * (sigma_m3 / aim_m3).ln().max(0.0)
+        let (aim_m3, e_fold_m) = self.target_m3().map_or((1e-3, METRES_PER_E_FOLD), |target_m3| {
+            (AIM_SHARE * target_m3, METRES_PER_E_FOLD_ABOVE_TARGET)
+        });
+        cost_m + e_fold_m * (sigma_m3 / aim_m3).ln().max(0.0)
     }
 
     /// True if the path reaches what is aimed at.

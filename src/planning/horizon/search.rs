@@ -61,7 +61,9 @@ fn change(
     let n = changed.len();
     let at = pick(n, noise);
     let kind = noise.uniform();
-    if kind < 0.40 {
+    if kind < HEIGHT_SHARE && scene.has_heights() {
+        climbed(scene, &mut changed[at..], scale, noise);
+    } else if kind < 0.40 {
         changed[at] = moved(scene, &changed[at], scale, noise);
     } else if kind < 0.55 {
         changed[at].yaw_rad = wrapped_rad(changed[at].yaw_rad + 1.2 * scale * noise.normal());
@@ -91,6 +93,20 @@ fn change(
         }
     }
     changed
+}
+
+/// Every how many changes one of the height, where there is room for it.
+const HEIGHT_SHARE: f64 = 0.08;
+
+/// One waypoint or all from there on at another height.
+fn climbed(scene: &Scene<'_>, waypoints: &mut [Waypoint], scale: f64, noise: &mut Noise) {
+    let (low_m, high_m) = scene.heights_m();
+    let by_m = 0.5 * scale * (high_m - low_m) * noise.normal();
+    let n_changed = if noise.uniform() < 0.5 { 1 } else { waypoints.len() };
+    for waypoint in &mut waypoints[..n_changed] {
+        let z_m = &mut waypoint.place.coords.z;
+        *z_m = (*z_m + by_m).clamp(low_m, high_m);
+    }
 }
 
 /// A number below n.

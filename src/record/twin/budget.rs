@@ -12,6 +12,7 @@ enum BudgetSourceTwin {
     BeamNoise,
     Roughness,
     Occlusion,
+    HiddenGround,
     Pose,
     LidarMounting,
     RangeBias,

@@ -1,8 +1,8 @@
 //! The recorded form of events; both ways, without loss.
 
 use super::enums::{
-    CameraIdTwin, FlightModeTwin, JobIdTwin, LandedStateTwin, OperatorRequestTwin,
-    OperatorVerbTwin, TagFamilyTwin, TakeOffTwin, VehicleCommandTwin,
+    CameraIdTwin, FlightModeTwin, LandedStateTwin, OperatorRequestTwin, OperatorVerbTwin,
+    TagFamilyTwin, TakeOffTwin, VehicleCommandTwin,
 };
 use super::scalars::{Nanos, OptionalWxyz, Xyz};
 use crate::geometry::{Body, Direction, Hall, Point, Rotation};
@@ -11,7 +11,6 @@ use crate::messages::{
     LandedState, OperatorCommand, OperatorRequest, OperatorVerb, PointDetection, Scan,
     TagDetection, TagDetections, TagFamily, TakeOff, VehicleCommand, VehicleState,
 };
-use crate::pilot::JobId;
 use crate::time::{Mono, Stamp};
 use nalgebra::Vector3;
 use schemars::JsonSchema;
@@ -22,15 +21,6 @@ use serde::{Deserialize, Serialize};
 pub(in crate::record) struct InstantTwin {
     #[serde(rename = "at_ns", with = "Nanos")]
     pub(in crate::record) at: Stamp<Mono>,
-}
-
-/// A finished job: its number only, for a replay runs it again.
-#[derive(Serialize, Deserialize, JsonSchema)]
-pub(in crate::record) struct FinishedTwin {
-    #[serde(rename = "at_ns", with = "Nanos")]
-    pub(in crate::record) at: Stamp<Mono>,
-    #[serde(with = "JobIdTwin")]
-    pub(in crate::record) id: JobId,
 }
 
 #[derive(Serialize, Deserialize, JsonSchema)]

@@ -1,0 +1,311 @@
+//! From turns to a surface and its volumes.
+
+use super::{NewestField, Setup};
+use crate::mapping::budget::data_budgets;
+use crate::mapping::datum::{Linearization, Turn};
+use crate::mapping::disturbance::{Levels, Undisturbed};
+use crate::mapping::footprint::{Footprint, Patch};
+use crate::mapping::hidden_ground::HiddenGround;
+use crate::mapping::left_out::{self, LeftOut};
+use crate::mapping::mapper::SolvedSurface;
+use crate::mapping::matern_field::{self, FieldError, Information, Solution, Solver};
+use crate::mapping::ray_ceiling::RayCeiling;
+use crate::mapping::roughness::Residuals;
+use crate::messages::{BudgetRow, BudgetSource, GridGeometry, HeightMap};
+use crate::time::{Mono, Stamp};
+use std::sync::Arc;
+
+/// The work of turning footprints into a surface and its volumes; a pure function of its fields.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SolveField {
+    pub(super) at: Stamp<Mono>,
+    pub(super) setup: Arc<Setup>,
+    pub(super) footprints: Vec<Arc<Footprint>>,
+    pub(super) levels: Arc<Levels>,
+    pub(super) ceiling: Arc<RayCeiling>,
+    pub(super) newest: Option<Arc<NewestField>>,
+    pub(super) is_final: bool,
+}
+
+/// What the turns know, added up.
+struct Data {
+    info: Information,
+    n_refused: u64,
+    /// What the data differ by from the surface that they were linearised with.
+    residuals: Residuals,
+}
+
+/// One solution.
+struct Round {
+    solution: Solution,
+    data: Data,
+    /// The surface whose slopes the data were linearised with.
+    before: Option<NewestField>,
+    /// What the solution knew of hidden ground.
+    hidden: HiddenGround,
+    /// Variance of the height at every node, m², where it was affordable.
+    var_m2: Option<Vec<f64>>,
+    newest: NewestField,
+}
+
+/// Solves after landing: one without slopes and gates, one with them, and one with better ones.
+const FINAL_ROUNDS: usize = 3;
+/// How often what hides behind crests is renewed after landing, in each of them, at most …
+const FINAL_SWEEPS: usize = 8;
+/// … and it has settled when a node moves by less than this, in its σ.
+const SETTLED_SIGMAS: f64 = 0.05;
+/// Exact variances of more nodes than this take gigabytes: 500 × 500.
+const MOST_NODES_FINAL: usize = 250_000;
+/// A node rests on data, and may judge outliers, from this much of a patch on.
+const KNOWN_FROM_PATCHES: f64 = 0.5;
+
+impl SolveField {
+    /// Solves.
+    ///
+    /// # Errors
+    /// [`FieldError`] from the field.
+    pub fn run(&self) -> Result<SolvedSurface, FieldError> {
+        let turns = self.levels.judge(&self.footprints);
+        let n_patches = self.setup.n_patches(&turns.footprints);
+        // The first solution of all has no slopes to start from.
+        let n_rounds =
+            if self.is_final { FINAL_ROUNDS } else { 1 + usize::from(self.newest.is_none()) };
+        // After landing all data meet as equals: an early, wrong surface must not refuse later ones.
+        let first = self.newest.as_deref().filter(|_| !self.is_final);
+        let mut round = self.round(&turns.footprints, &n_patches, first)?;
+        for _ in 1..n_rounds {
+            round = self.round(&turns.footprints, &n_patches, Some(&round.newest))?;
+        }
+        let amplitude = if self.is_final {
+            self.amplitude(&turns.footprints, &n_patches, &round)?
+        } else {
+            1.0
+        };
+        self.account(&turns, &n_patches, round, amplitude)
+    }
+
+    /// By what factor the ground beside gaps differs from what its configured σ expects; 1 where too
+    /// little is known to tell, and where variances are too expensive.
+    fn amplitude(
+        &self,
+        turns: &[Arc<Footprint>],
+        n_patches: &[u32],
+        full: &Round,
+    ) -> Result<f64, FieldError> {
+        let (setup, newest) = (&self.setup, &full.newest);
+        let Some(full_var_m2) = &full.var_m2 else { return Ok(1.0) };
+        let counts: Vec<bool> = setup.areas_m2()[0].iter().map(|area| *area > 0.0).collect();
+        let at = setup.linearization(n_patches, full.before.as_ref());
+        let mut z = Vec::new();
+        for layout in 0..left_out::N_LAYOUTS {
+            let left_out = LeftOut::new(&setup.lattice, &newest.is_known, &counts, layout);
+            if left_out.middles.len() < left_out::LEAST_SQUARES {
+                continue;
+            }
+            let data = self.gather(turns, &at, Some(&left_out.contains));
+            let without = self.solution(&data.info, &full.hidden, Some(newest))?;
+            let Some(var_m2) = self.var_m2(&without) else { return Ok(1.0) };
+            z.extend(left_out.middles.iter().map(|&node| {
+                let off_m = newest.heights_m[node] - without.height_m()[node];
+                off_m / (var_m2[node] - full_var_m2[node]).max(1e-12).sqrt()
+            }));
+        }
+        Ok(left_out::amplitude(&z))
+    }
+
+    /// One solution with the slopes of the one before; after landing, what hides behind crests is
+    /// settled in it.
+    fn round(
+        &self,
+        turns: &[Arc<Footprint>],
+        n_patches: &[u32],
+        before: Option<&NewestField>,
+    ) -> Result<Round, FieldError> {
+        let setup = &self.setup;
+        let at = setup.linearization(n_patches, before);
+        let data = self.gather(turns, &at, None);
+        let is_known: Vec<bool> = (0..setup.lattice.n_nodes())
+            .map(|node| data.info.n_hits(node) >= KNOWN_FROM_PATCHES)
+            .collect();
+        let is_hidden = setup.lattice.far_from(&is_known);
+        let ceiling_m =
+            |node: usize| if is_hidden[node] { self.ceiling.at_node_m(node) } else { None };
+        let softness_m = at.ceiling_softness_m();
+        // In flight the newest conditions are good enough, and are renewed for the next solve.
+        let n_sweeps = if self.is_final { FINAL_SWEEPS } else { 1 };
+        let mut hidden = before.map_or_else(HiddenGround::default, |before| {
+            before.hidden.among(|node| ceiling_m(node).is_some())
+        });
+        let mut sweep = 1;
+        loop {
+            let solution = self.solution(&data.info, &hidden, before)?;
+            let var_m2 = self.var_m2(&solution);
+            let (next, step) = match &var_m2 {
+                Some(var_m2) => hidden.renewed(solution.height_m(), var_m2, ceiling_m, softness_m),
+                None => (hidden.clone(), 0.0),
+            };
+            if sweep == n_sweeps || step < SETTLED_SIGMAS {
+                let scatter_m = data.residuals.scatter_m().or(before.map(|b| b.scatter_m));
+                let newest = NewestField {
+                    heights_m: solution.height_m().to_vec(),
+                    is_known,
+                    scatter_m: scatter_m.unwrap_or(0.0),
+                    hidden: next,
+                };
+                return Ok(Round {
+                    solution,
+                    data,
+                    before: before.cloned(),
+                    hidden,
+                    var_m2,
+                    newest,
+                });
+            }
+            hidden = next;
+            sweep += 1;
+        }
+    }
+
+    /// The field given the data and what is known of hidden ground.
+    fn solution(
+        &self,
+        info: &Information,
+        hidden: &HiddenGround,
+        before: Option<&NewestField>,
+    ) -> Result<Solution, FieldError> {
+        let mut info = info.clone();
+        hidden.add_to(&mut info);
+        matern_field::solve(
+            &self.setup.lattice,
+            &self.setup.settings.prior(),
+            &info,
+            Solver::Automatic,
+            before.map(|before| before.heights_m.as_slice()),
+        )
+    }
+
+    /// Adds up what all turns know, but for patches that concern nodes left out.
+    fn gather(
+        &self,
+        turns: &[Arc<Footprint>],
+        at: &Linearization<'_>,
+        left_out: Option<&[bool]>,
+    ) -> Data {
+        let setup = &self.setup;
+        let mut data = Data {
+            info: Information::new(&setup.lattice),
+            n_refused: 0,
+            residuals: Residuals::new(setup.lattice.n_nodes()),
+        };
+        for footprint in turns {
+            let Some(turn) = Turn::new(footprint, *at) else { continue };
+            for patch in &footprint.patches {
+                let Some(datum) = turn.datum(patch) else { continue };
+                if left_out.is_some_and(|nodes| datum.row.touches(nodes)) {
+                    continue;
+                }
+                if !at.believes(&datum) {
+                    data.n_refused += u64::from(patch.n_beams);
+                    continue;
+                }
+                if let Some(surface_m) = at.known_surface_m(&datum.row) {
+                    data.residuals.push(footprint.error.at, &datum, surface_m);
+                }
+                data.info.add(&datum.row, datum.height_m, datum.weight_per_m2);
+            }
+        }
+        data
+    }
+
+    /// The volumes of a solution with their budgets.
+    fn account(
+        &self,
+        turns: &Undisturbed,
+        n_patches: &[u32],
+        round: Round,
+        amplitude: f64,
+    ) -> Result<SolvedSurface, FieldError> {
+        let setup = &self.setup;
+        let at = setup.linearization(n_patches, round.before.as_ref());
+        let areas_m2 = setup.areas_m2();
+        let adjoint = |of_bay: &Vec<f64>| round.solution.adjoint(of_bay, None);
+        let adjoints = areas_m2.iter().map(adjoint).collect::<Result<Vec<_>, _>>()?;
+        let q_m2: Vec<&[f64]> = adjoints.iter().map(|adjoint| adjoint.q.as_slice()).collect();
+        let budgets = data_budgets(&turns.footprints, &at, &q_m2, &setup.settings.calibration);
+        let mean_m = setup.lattice.on_cells(&round.newest.heights_m);
+        let seen = setup.seen(&round.data.info, &turns.flagged);
+        let range_m = setup.settings.range_m;
+        let is_hidden = setup.lattice.far_from(&round.newest.is_known);
+        let is_bridged: Vec<bool> = is_hidden.iter().map(|is_hidden| !is_hidden).collect();
+        let solved = std::iter::zip(std::iter::zip(&areas_m2, &adjoints), budgets);
+        let accounts = std::iter::zip(setup.bays.iter(), solved)
+            .map(|(bay, ((areas_m2, adjoint), mut budget))| {
+                let above_floor_m3 = round.solution.functional(areas_m2, adjoint);
+                let volume_m3 = above_floor_m3 - bay.base.above_floor_m3();
+                let in_gaps_m6 = round.solution.prior_var_at(adjoint, &is_bridged);
+                let var_m6 = adjoint.prior_var - (1.0 - amplitude * amplitude) * in_gaps_m6;
+                budget.rows.insert(0, BudgetRow { source: BudgetSource::Prior, var_m6 });
+                let var_m6 = round.hidden.var_m6(&adjoint.q);
+                budget.rows.push(BudgetRow { source: BudgetSource::HiddenGround, var_m6 });
+                if !bay.base.errors.is_empty() {
+                    budget.push_shared(BudgetSource::Base, &bay.base.errors);
+                }
+                bay.account(self.at, (volume_m3, &mean_m), budget, &seen, range_m)
+            })
+            .collect();
+        let var_m2 = round.var_m2.unwrap_or_else(|| setup.own_var_m2(&round.data.info));
+        let sigma_m = setup.lattice.on_cells(&var_m2).iter().map(|var| var.sqrt()).collect();
+        let grid = *setup.lattice.grid();
+        let disturbed_cells = turns.flagged.cells().collect();
+        let surface = HeightMap { at: self.at, grid, mean_m, sigma_m, disturbed_cells };
+        Ok(SolvedSurface {
+            accounts,
+            surface,
+            n_beams_refused: turns.n_beams_left_out + round.data.n_refused,
+            disturbed: turns.flagged.areas(&grid),
+            newest: Some(Arc::new(round.newest)),
+        })
+    }
+}
+
+impl SolveField {
+    /// Cells, their heights, and which rest on data.
+    pub(in crate::mapping) fn known_heights(&self) -> Option<(GridGeometry, Vec<f64>, Vec<bool>)> {
+        let newest = self.newest.as_ref()?;
+        let lattice = &self.setup.lattice;
+        let grid = *lattice.grid();
+        let is_known = |cell| newest.is_known[lattice.node_of_cell(cell)];
+        let known = (0..grid.n_cells()).map(is_known).collect();
+        Some((grid, lattice.on_cells(&newest.heights_m), known))
+    }
+
+    /// Shows every patch that the newest surface believes, of the turns up to an instant, with its
+    /// information, 1/m².
+    pub(in crate::mapping) fn for_each_patch(
+        &self,
+        until: Option<Stamp<Mono>>,
+        mut visit: impl FnMut(&Footprint, &Patch, f64),
+    ) {
+        let n_patches = self.setup.n_patches(&self.footprints);
+        let at = self.setup.linearization(&n_patches, self.newest.as_deref());
+        let is_past = |f: &&Arc<Footprint>| until.is_none_or(|until| f.error.at <= until);
+        for footprint in self.footprints.iter().filter(is_past) {
+            let Some(turn) = Turn::new(footprint, at) else { continue };
+            for patch in &footprint.patches {
+                if let Some(datum) = turn.datum(patch).filter(|datum| at.believes(datum)) {
+                    visit(footprint, patch, datum.weight_per_m2);
+                }
+            }
+        }
+    }
+
+    /// Variance of the height at every node, m²: exact after landing and on maps that are solved by a
+    /// factor; none in flight over larger ones, where it takes gigabytes, and where the factor does
+    /// not fit into memory.
+    fn var_m2(&self, solution: &Solution) -> Option<Vec<f64>> {
+        let n_nodes = self.setup.lattice.n_nodes();
+        let is_direct = n_nodes <= Solver::MOST_NODES_DIRECT;
+        let is_affordable = is_direct || self.is_final && n_nodes <= MOST_NODES_FINAL;
+        is_affordable.then(|| solution.marginal_var_m2().ok()).flatten()
+    }
+}

@@ -1,0 +1,121 @@
+//! How high ground can be where no beam ended: below every beam that passed over it.
+//!
+//! ```text
+//!   LiDAR ●
+//!            ╲  ray
+//!      crest   ╲
+//!      ╱╲________╲          ground behind the crest lies below the ray,
+//!     ╱   ?   ?   ╲ hit     which is the only thing that is known of it
+//! ```
+//! Rays are followed from their ends, on material or elsewhere (a wall, the floor beside it), back to the
+//! LiDAR. A single wrong range (a mirror, a
+//! beam through a gap) would put a ray underground, so each node keeps its two lowest rays of
+//! different turns and believes the higher one: turns follow each other by decimetres, so it is hardly less
+//! tight.
+//! Checked: `rays_match_a_walk_along_them`, `one_wrong_range_does_not_lower_the_ceiling`.
+
+use super::footprint::{Footprint, Patch};
+use super::matern_field::Lattice;
+use super::projection::LidarMount;
+use nalgebra::Vector3;
+
+/// The lowest rays over every node.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RayCeiling {
+    nodes: Vec<TwoLowest>,
+    n_turns: u32,
+}
+
+/// The lowest ray over a node, and the lowest of all other turns, m over the hall floor.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct TwoLowest {
+    lowest_m: f32,
+    lowest_turn: u32,
+    next_m: f32,
+}
+
+impl TwoLowest {
+    /// Higher than any ray, and a number: what the brain hands out holds no infinity.
+    const NO_RAY_M: f32 = f32::MAX;
+    const NONE: Self = Self { lowest_m: Self::NO_RAY_M, lowest_turn: 0, next_m: Self::NO_RAY_M };
+
+    const fn take(&mut self, height_m: f32, turn: u32) {
+        if turn == self.lowest_turn {
+            self.lowest_m = self.lowest_m.min(height_m);
+        } else if height_m < self.lowest_m {
+            self.next_m = self.lowest_m;
+            self.lowest_m = height_m;
+            self.lowest_turn = turn;
+        } else {
+            self.next_m = self.next_m.min(height_m);
+        }
+    }
+}
+
+impl RayCeiling {
+    /// Nothing has passed over so many nodes.
+    #[must_use]
+    pub fn new(n_nodes: usize) -> Self {
+        Self { nodes: vec![TwoLowest::NONE; n_nodes], n_turns: 0 }
+    }
+
+    /// Takes in the rays of a turn.
+    pub fn take(&mut self, lattice: &Lattice, lidar: &LidarMount, footprint: &Footprint) {
+        // Turn 0 is that of no ray.
+        self.n_turns += 1;
+        let lidar_m = (footprint.hall_from_body * lidar.body_from_lidar.origin).coords;
+        let hits = footprint.patches.iter().map(Patch::place);
+        let elsewhere = footprint.passed_to_m.iter().map(|end| Vector3::from(*end).map(f64::from));
+        for end_m in hits.chain(elsewhere) {
+            self.take_ray(lattice, &end_m, &lidar_m);
+        }
+    }
+
+    /// Visits the nodes nearest to a ray: one on each line of the lattice that it crosses, lines
+    /// across the axis along which it runs further.
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        clippy::cast_precision_loss,
+        reason = "indices are checked to lie on the lattice; millimetres are kept at 100 m"
+    )]
+    fn take_ray(&mut self, lattice: &Lattice, hit_m: &Vector3<f64>, lidar_m: &Vector3<f64>) {
+        let (origin, spacing_m) = (lattice.place_m(0), lattice.spacing_m());
+        let on_lattice =
+            |p: &Vector3<f64>| [(p.x - origin.0) / spacing_m, (p.y - origin.1) / spacing_m];
+        let (from, to) = (on_lattice(hit_m), on_lattice(lidar_m));
+        let (n_cols, n_rows) = lattice.size();
+        let is_along_x = (to[0] - from[0]).abs() >= (to[1] - from[1]).abs();
+        let (along, across) = if is_along_x { (0, 1) } else { (1, 0) };
+        let (n_along, n_across) = if is_along_x { (n_cols, n_rows) } else { (n_rows, n_cols) };
+        let run = to[along] - from[along];
+        // A ray from straight above passes over nothing but what it hits.
+        if !(run.abs() >= 1.0 && lidar_m.z > hit_m.z) {
+            return;
+        }
+        let (low, high) = (from[along].min(to[along]).max(0.0), from[along].max(to[along]));
+        let last = (n_along - 1) as f64;
+        for line in low.ceil() as usize..=high.floor().min(last) as usize {
+            let t = (line as f64 - from[along]) / run;
+            let beside = (from[across] + t * (to[across] - from[across])).round();
+            if beside < 0.0 || beside > (n_across - 1) as f64 {
+                continue;
+            }
+            let (col, row) =
+                if is_along_x { (line, beside as usize) } else { (beside as usize, line) };
+            let height_m = hit_m.z + t * (lidar_m.z - hit_m.z);
+            self.nodes[row * n_cols + col].take(height_m as f32, self.n_turns);
+        }
+    }
+
+    /// The height that ground at a node stays below, m over the hall floor; `None` where not two
+    /// turns looked over it.
+    #[must_use]
+    pub fn at_node_m(&self, node: usize) -> Option<f64> {
+        let height_m = self.nodes[node].next_m;
+        (height_m < TwoLowest::NO_RAY_M).then(|| height_m.into())
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,122 @@
+//! Ceilings against a fine walk along every ray.
+
+use super::*;
+use crate::geometry::{Body, Lidar, Point, Rotation, Transform};
+use crate::mapping::footprint::Patch;
+use crate::messages::{GridGeometry, PoseError};
+use crate::stats::SeedBook;
+use crate::time::Stamp;
+use nalgebra::SMatrix;
+
+fn lattice() -> Lattice {
+    let grid = GridGeometry { x_min_m: -2.0, y_min_m: 1.0, cell_m: 0.25, n_cols: 36, n_rows: 28 };
+    Lattice::covering(&grid, 1.0, |_, _| false)
+}
+
+fn lidar() -> LidarMount {
+    let origin = Point::<Body>::new(0.1, -0.05, -0.2);
+    LidarMount {
+        body_from_lidar: Transform::<Body, Lidar>::new(Rotation::identity(), origin),
+        range_sigma_m: 0.01,
+        angle_sigma_rad: 0.001,
+        min_range_m: 0.1,
+        max_range_m: 20.0,
+        blind_sectors_rad: Vec::new(),
+    }
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "single precision on purpose")]
+fn turn(from: &Transform<crate::geometry::Hall, Body>, hits: &[Vector3<f64>]) -> Footprint {
+    let patch = |hit: &Vector3<f64>| Patch {
+        place_m: [hit.x as f32, hit.y as f32, hit.z as f32],
+        arm_m: [0.0; 3],
+        n_beams: 1,
+        level: Patch::NO_LEVEL,
+    };
+    Footprint {
+        error: PoseError {
+            at: Stamp::ZERO,
+            cov: SMatrix::identity() * 1e-5,
+            from_previous: SMatrix::zeros(),
+            velocity_mps: Vector3::zeros(),
+            rate_radps: Vector3::zeros(),
+            tags: Vec::new(),
+        },
+        hall_from_body: *from,
+        lidar_idx: 0,
+        patches: hits.iter().map(patch).collect(),
+        passed_to_m: Vec::new(),
+    }
+}
+
+fn pose(x: f64, y: f64, z: f64, yaw: f64) -> Transform<crate::geometry::Hall, Body> {
+    Transform::new(Rotation::from_euler_rad(0.05, -0.08, yaw), Point::new(x, y, z))
+}
+
+#[test]
+fn rays_match_a_walk_along_them() {
+    let (lattice, lidar) = (lattice(), lidar());
+    let mut noise = SeedBook::new(3).stream("rays");
+    for _ in 0..200 {
+        let from =
+            pose(noise.between(-3.0, 8.0), noise.between(0.0, 9.0), 6.0, noise.between(-3.0, 3.0));
+        let hit = Vector3::new(
+            noise.between(-3.0, 8.0),
+            noise.between(0.0, 9.0),
+            noise.between(0.0, 3.0),
+        );
+        let mut ceiling = RayCeiling::new(lattice.n_nodes());
+        for _ in 0..2 {
+            ceiling.take(&lattice, &lidar, &turn(&from, &[hit]));
+        }
+        let lidar_m = (from * lidar.body_from_lidar.origin).coords;
+        let way = lidar_m - hit;
+        let mut n_under = 0;
+        for node in 0..lattice.n_nodes() {
+            let Some(height_m) = ceiling.at_node_m(node) else { continue };
+            n_under += 1;
+            let (x, y) = lattice.place_m(node);
+            // The nearest of 4,000 points of the ray, looked at from above.
+            let near = (0..=4_000)
+                .map(|k| hit + way * (f64::from(k) / 4_000.0))
+                .min_by(|a, b| {
+                    let off = |p: &Vector3<f64>| (p.x - x).hypot(p.y - y);
+                    off(a).total_cmp(&off(b))
+                })
+                .expect("some");
+            let off_m = (near.x - x).hypot(near.y - y);
+            // Half a cell beside the ray at most, measured along a line of the lattice.
+            assert!(off_m <= 0.125 + 1e-3, "{off_m}");
+            let descent = way.z / way.xy().norm();
+            assert!((near.z - height_m).abs() <= descent * 0.125 + 1e-3, "{} {height_m}", near.z);
+        }
+        let run = way.x.abs().max(way.y.abs());
+        if run < 0.25 {
+            assert_eq!(n_under, 0);
+        } else {
+            // One node on each line, as far as the ray lies over the lattice.
+            assert!(f64::from(n_under) <= run / 0.25 + 1.0);
+        }
+    }
+}
+
+#[test]
+fn one_wrong_range_does_not_lower_the_ceiling() {
+    let (lattice, lidar) = (lattice(), lidar());
+    let from = pose(0.0, 4.0, 6.0, 0.0);
+    let good = Vector3::new(5.0, 4.0, 1.0);
+    let wrong = Vector3::new(5.0, 4.0, -4.0);
+    let mut ceiling = RayCeiling::new(lattice.n_nodes());
+    // Several beams of the same turn are one witness.
+    ceiling.take(&lattice, &lidar, &turn(&from, &[good, good]));
+    let lidar_m = (from * lidar.body_from_lidar.origin).coords;
+    let column_m = lattice.place_m(lattice.nearest_node(3.0, 4.0)).0;
+    let along = (column_m - lidar_m.x) / (good.x - lidar_m.x);
+    let node = lattice.nearest_node(column_m, lidar_m.y + along * (good.y - lidar_m.y));
+    assert_eq!(ceiling.at_node_m(node), None);
+    ceiling.take(&lattice, &lidar, &turn(&from, &[wrong]));
+    ceiling.take(&lattice, &lidar, &turn(&from, &[good]));
+    let height_m = ceiling.at_node_m(node).expect("two turns looked over it");
+    let of_good = lidar_m.z + along * (good.z - lidar_m.z);
+    assert!((height_m - of_good).abs() < 0.02, "{height_m} {of_good}");
+}
