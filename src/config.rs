@@ -14,6 +14,7 @@ mod convert;
 mod error;
 mod field_layout;
 mod file;
+mod images;
 mod load;
 mod markers;
 mod mesh_file;
@@ -30,6 +31,7 @@ pub use file::{
     SurfaceName, SurfaceSection, UncertaintySection, UpdateName, VarianceUpdateName,
     VolumeVarianceName,
 };
+pub use images::{DetectorSection, ImagesSection, SourceName};
 pub use load::load;
 pub use markers::{MarkersSection, PointSection, TagSection};
 pub use mesh_file::MeshContent;

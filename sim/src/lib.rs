@@ -25,6 +25,7 @@ pub mod machine;
 pub mod operator;
 pub mod paper;
 pub mod parallel;
+mod picture_line;
 pub mod raycast;
 pub mod report;
 pub mod rig;

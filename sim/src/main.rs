@@ -10,7 +10,7 @@ use stockpilot::pilot::{Action, PlanChoice};
 use stockpilot::survey::accounts_table;
 use stockpilot::time::{Mono, Stamp};
 use stockpilot_sim::autopilot_command::{self, AutopilotArgs};
-use stockpilot_sim::camera::CameraArgs;
+use stockpilot_sim::camera::{CameraArgs, CameraOutput};
 use stockpilot_sim::campaign::{self, Witnessed};
 use stockpilot_sim::comparison::{self, ComparisonArgs};
 use stockpilot_sim::consistency::{self, ConsistencyArgs};
@@ -76,6 +76,10 @@ struct FlyArgs {
     scenario: ScenarioArgs,
     #[command(flatten)]
     camera: CameraArgs,
+    /// What the camera hands over: tags as a detector would, or rendered pictures that the service's own detector
+    /// looks at.
+    #[arg(long = "camera", value_enum, default_value_t = CameraOutput::Tags)]
+    output: CameraOutput,
     /// Seed of everything that is drawn.
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -118,6 +122,7 @@ fn run_fly(args: &FlyArgs) -> anyhow::Result<ExitCode> {
     anyhow::ensure!(args.speed > 0.0 && args.speed <= 100.0, "--speed is 0 to 100");
     let mut scenario = args.scenario.scenario(args.seed)?;
     args.camera.apply(&mut scenario.camera);
+    args.output.apply(&mut scenario.camera);
     let options = FlyOptions {
         speed: args.speed,
         directory: args.log.clone(),

@@ -2,10 +2,11 @@
 
 use super::clock::Clock;
 use super::{RunningService, Service, ServiceError, ServiceSetup, ServiceStats, ServiceStatus};
+use crate::camera::images::{self, ImageDriver, ImageStats, PictureError};
 use crate::camera::{CameraStats, Listener};
 use crate::config::{Config, ConfigError};
 use crate::lidar::{Driver, LidarStatus, OpenError};
-use crate::pilot::Pilot;
+use crate::pilot::{Event, Pilot};
 use crate::record::{self, LogHeader, RecordError};
 use crate::time::{Mono, Stamp};
 use std::collections::BTreeMap;
@@ -36,6 +37,14 @@ pub enum OnboardError {
         address: String,
         /// Why.
         source: std::io::Error,
+    },
+    /// A camera cannot be had.
+    #[error("camera {camera}: {source}")]
+    Images {
+        /// Its number.
+        camera: u8,
+        /// Why.
+        source: PictureError,
     },
     /// The log's directory cannot be made.
     #[error("cannot create the log directory {path}: {source}", path = path.display())]
@@ -72,6 +81,7 @@ pub struct Onboard {
     detections: JoinHandle<std::io::Result<()>>,
     detections_addr: Option<SocketAddr>,
     camera_stats: watch::Receiver<CameraStats>,
+    images: Vec<ImageDriver>,
     log: PathBuf,
 }
 
@@ -84,6 +94,8 @@ pub struct OnboardStats {
     pub lidar: LidarStatus,
     /// The detection listener's.
     pub camera: CameraStats,
+    /// Those of the cameras whose tags are found here.
+    pub images: Vec<ImageStats>,
 }
 
 impl Onboard {
@@ -105,6 +117,7 @@ impl Onboard {
         let recorder = record::Recorder::create(&log, &header(config, clock.now())?)?;
         let recorder = if waits_for_disk { recorder.waiting() } else { recorder };
         let (frames_tx, tags) = mpsc::channel(FRAMES_WAITING);
+        let images = start_cameras(config, &clock, &frames_tx, &stop)?;
         let (detections_addr, camera_stats) = (listener.local_addr(), listener.stats());
         let camera_clock = clock.clone();
         let detections =
@@ -112,7 +125,7 @@ impl Onboard {
         let recorder = Some(Box::new(recorder) as Box<dyn super::Recorder>);
         let setup = ServiceSetup { pilot, link, clock, stop, scans, tags, recorder };
         let service = Service::start(setup).await?;
-        Ok(Self { service, lidar, detections, detections_addr, camera_stats, log })
+        Ok(Self { service, lidar, detections, detections_addr, camera_stats, images, log })
     }
 
     /// What the service last said of itself.
@@ -131,6 +144,12 @@ impl Onboard {
     #[must_use]
     pub fn camera(&self) -> watch::Receiver<CameraStats> {
         self.camera_stats.clone()
+    }
+
+    /// The counters of the cameras whose tags are found here, in the order of the configuration.
+    #[must_use]
+    pub fn images(&self) -> Vec<watch::Receiver<ImageStats>> {
+        self.images.iter().map(ImageDriver::stats).collect()
     }
 
     /// The own address of the autopilot's link by datagrams.
@@ -174,18 +193,40 @@ impl Onboard {
     /// [`ServiceError::Brain`] if the brain's task panicked.
     pub async fn join(self) -> Result<OnboardStats, OnboardError> {
         let lidar = self.lidar.status();
+        let images = self.images();
         let service = self.service.join().await?;
         if let Err(error) = self.detections.await {
             tracing::error!(%error, "the detection listener died");
         }
-        // Joining a thread blocks for one poll of the port.
-        if let Err(error) = tokio::task::spawn_blocking(move || self.lidar.stop()).await {
-            tracing::error!(%error, "the LiDAR driver died");
+        // Joining a thread blocks for one poll of its port.
+        let stop_threads = move || {
+            self.lidar.stop();
+            self.images.into_iter().for_each(ImageDriver::stop);
+        };
+        if let Err(error) = tokio::task::spawn_blocking(stop_threads).await {
+            tracing::error!(%error, "a sensor's driver died");
         }
         let camera = self.camera_stats.borrow().clone();
         let lidar = lidar.borrow().clone();
-        Ok(OnboardStats { service, lidar, camera })
+        let images = images.iter().map(|stats| stats.borrow().clone()).collect();
+        Ok(OnboardStats { service, lidar, camera, images })
     }
+}
+
+/// Starts the cameras whose tags are found here.
+fn start_cameras(
+    config: &Config,
+    clock: &Clock,
+    frames: &mpsc::Sender<Event>,
+    stop: &CancellationToken,
+) -> Result<Vec<ImageDriver>, OnboardError> {
+    let start = |settings: images::Settings| {
+        let camera = settings.camera.0;
+        let clock = clock.clone();
+        ImageDriver::start(settings, move || clock.now(), frames.clone(), stop)
+            .map_err(|source| OnboardError::Images { camera, source })
+    };
+    config.image_settings()?.into_iter().map(start).collect()
 }
 
 /// A name that sorts by time of start and is not taken: two starts in one second differ by a count.
