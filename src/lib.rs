@@ -56,3 +56,5 @@ pub mod survey;
 
 #[cfg(feature = "service")]
 pub mod doctor;
+#[cfg(feature = "service")]
+pub mod markers;

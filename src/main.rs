@@ -2,6 +2,8 @@
 
 #[path = "main/doctor.rs"]
 mod doctor;
+#[path = "main/markers.rs"]
+mod markers;
 #[path = "main/params.rs"]
 mod params;
 
@@ -48,6 +50,8 @@ enum Command {
     Params(params::ParamsArgs),
     /// What is connected, whether it works, and what to do where it does not.
     Doctor(doctor::DoctorArgs),
+    /// Markers to print, to hang and to survey.
+    Markers(markers::MarkersArgs),
 }
 
 #[derive(Debug, Args)]
@@ -183,6 +187,7 @@ fn main() -> anyhow::Result<ExitCode> {
         Command::Plan(args) => plan(&args),
         Command::Params(args) => params::run(&args),
         Command::Doctor(args) => doctor::run(&args),
+        Command::Markers(args) => markers::run(&args),
     }
 }
 

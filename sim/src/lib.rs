@@ -10,6 +10,7 @@ pub mod calibration;
 pub mod camera;
 pub mod camera_faults;
 pub mod campaign;
+pub mod carry;
 pub mod comparison;
 pub mod consistency;
 pub mod faults;

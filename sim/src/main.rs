@@ -12,6 +12,7 @@ use stockpilot::time::{Mono, Stamp};
 use stockpilot_sim::autopilot_command::{self, AutopilotArgs};
 use stockpilot_sim::camera::{CameraArgs, CameraOutput};
 use stockpilot_sim::campaign::{self, Witnessed};
+use stockpilot_sim::carry::carry;
 use stockpilot_sim::comparison::{self, ComparisonArgs};
 use stockpilot_sim::consistency::{self, ConsistencyArgs};
 use stockpilot_sim::faults::{self, FaultsArgs};
@@ -42,6 +43,8 @@ enum Command {
     Faults(FaultsArgs),
     /// The experiment of the paper: its pictures and its table.
     Paper(PaperArgs),
+    /// Somebody carries the vehicle around to survey the tags: a log, tapes and the truth.
+    Carry(CarryArgs),
     /// One emulated LiDAR on a pseudo-terminal, for any program.
     Lidar(LidarArgs),
     /// The stub autopilot as a program of its own, for clients that others wrote.
@@ -98,6 +101,18 @@ struct FlyArgs {
     ground: Option<String>,
 }
 
+#[derive(Debug, Args)]
+struct CarryArgs {
+    #[command(flatten)]
+    scenario: ScenarioArgs,
+    /// Seed of everything that is drawn.
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// The log to write; it must not exist. Beside it: `.constraints.toml` and `.truth.toml`.
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+}
+
 fn main() -> anyhow::Result<ExitCode> {
     let filter = tracing_subscriber::EnvFilter::try_from_default_env()
         .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("warn"));
@@ -110,6 +125,7 @@ fn main() -> anyhow::Result<ExitCode> {
             Ok(if is_passed { ExitCode::SUCCESS } else { ExitCode::FAILURE })
         }
         Some(Command::Paper(args)) => paper::run(&args).map(|()| ExitCode::SUCCESS),
+        Some(Command::Carry(args)) => run_carry(&args).map(|()| ExitCode::SUCCESS),
         Some(Command::Lidar(args)) => lidar_command::run(&args).map(|()| ExitCode::SUCCESS),
         Some(Command::Autopilot(args)) => autopilot_command::run(&args).map(|()| ExitCode::SUCCESS),
         Some(Command::Fly(args)) => run_fly(&args),
@@ -136,6 +152,21 @@ fn run_fly(args: &FlyArgs) -> anyhow::Result<ExitCode> {
         print_run(&run);
     }
     Ok(ExitCode::SUCCESS)
+}
+
+#[expect(clippy::print_stdout, reason = "the program's output")]
+fn run_carry(args: &CarryArgs) -> anyhow::Result<()> {
+    let scenario = args.scenario.scenario(args.seed)?;
+    let carried = carry(&scenario, &args.out)?;
+    let beside = |ending: &str| args.out.with_extension(ending);
+    std::fs::write(beside("constraints.toml"), &carried.constraints_toml)?;
+    std::fs::write(beside("truth.toml"), carried.truth_toml())?;
+    println!(
+        "stockpilot markers survey {} --constraints {}",
+        args.out.display(),
+        beside("constraints.toml").display()
+    );
+    Ok(())
 }
 
 #[expect(clippy::print_stdout, reason = "the program's output")]

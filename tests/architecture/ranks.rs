@@ -3,7 +3,7 @@
 use std::ops::RangeInclusive;
 
 /// Modules of `stockpilot` with their ranks; a module names lower ranks only.
-const RANKS: [(&str, u8); 21] = [
+const RANKS: [(&str, u8); 22] = [
     ("units", 0),
     ("time", 0),
     ("geometry", 1),
@@ -26,6 +26,7 @@ const RANKS: [(&str, u8); 21] = [
     ("service", 9),
     ("survey", 9),
     ("doctor", 10),
+    ("markers", 10),
 ];
 
 /// Ranks that do no I/O.

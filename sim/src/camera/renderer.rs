@@ -300,7 +300,7 @@ fn is_hidden(
     ray: &Vector2<f64>,
     distance_m: f64,
 ) -> bool {
-    let in_camera = Direction::new(ray.x, ray.y, 1.0).coords.normalize();
+    let in_camera = Vector3::new(ray.x, ray.y, 1.0).normalize();
     let direction = eye.rotation * Direction::from_coords(in_camera);
     let hit = raycast::cast(world, &eye.origin, &direction, 2.0 * distance_m + 1.0);
     // A slanted tag's places are nearer and farther than its middle by half its edge.

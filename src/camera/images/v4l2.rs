@@ -86,7 +86,7 @@ fn has_size(sizes: &FrameSizes, [width_px, height_px]: [u32; 2]) -> bool {
 /// True for one of the values from `min` on in steps; a step of 0 counts as 1.
 const fn is_step(value: u32, min: u32, max: u32, step: u32) -> bool {
     let step = if step == 0 { 1 } else { step };
-    value >= min && value <= max && (value - min) % step == 0
+    value >= min && value <= max && (value - min).is_multiple_of(step)
 }
 
 /// Fixes the exposure as far as the camera lets itself be told.
