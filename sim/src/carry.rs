@@ -23,10 +23,10 @@ const WALK: Duration = Duration::from_secs(240);
 /// Eyes of a person over the ground, m.
 const CARRIED_M: f64 = 1.6;
 /// The vehicle is turned around once in this time, s, and nods in this one.
-const TURN_S: f64 = 24.0;
+const TURN_S: f64 = 19.0;
 const NOD_S: f64 = 7.0;
 /// The camera looks 10° down; held up, it sees the upper rows.
-const NOD_RAD: (f64, f64) = (-0.25, 0.3);
+const NOD_RAD: (f64, f64) = (-0.45, 0.25);
 /// A tape over some metres, and a total station's target on a sheet, m.
 const TAPE_SIGMA_M: f64 = 0.003;
 const KNOWN_SIGMA_M: f64 = 0.002;

@@ -69,8 +69,8 @@ fn a_printed_tag_is_read_and_has_its_true_size() {
             for (seen, drawn) in found[0].corners_px.iter().zip(expected) {
                 for axis in 0..2 {
                     let mm = middle[axis] + (drawn[axis] - middle[axis]) * scale[axis];
-                    // Half a pixel of 300 dpi is 0.04 mm.
-                    assert!((seen[axis] - px(mm)).abs() < 0.6, "{axis}: {} {}", seen[axis], px(mm));
+                    // A pixel of 300 dpi is 0.08 mm: poppler paints every pixel that is touched.
+                    assert!((seen[axis] - px(mm)).abs() < 1.0, "{axis}: {} {}", seen[axis], px(mm));
                 }
             }
         }
@@ -94,7 +94,7 @@ fn both_rulers_are_200_mm_long() {
     };
     let level = 297.0 - 5.0 - 10.0 + 5.5;
     let horizontal = dark(&|mm| if mm < 209.0 { at(mm, level) } else { 255 });
-    let vertical = dark(&|mm| if mm < 296.0 { at(5.0 + 4.0 + 5.5, mm) } else { 255 });
+    let vertical = dark(&|mm| if mm < 260.0 { at(5.0 + 4.0 + 5.5, mm) } else { 255 });
     for ticks in [horizontal, vertical] {
         let length = ticks.last().unwrap() - ticks[0];
         assert!((length - 200.0).abs() < 0.25, "{length} mm: {ticks:?}");
