@@ -11,6 +11,7 @@ mod bays;
 mod camera_info;
 mod cameras;
 mod convert;
+mod edit;
 mod error;
 mod field_layout;
 mod file;
@@ -24,6 +25,7 @@ mod security;
 
 pub use bays::{BaseSection, BaySection, ExclusionSection};
 pub use cameras::{CameraSection, LensName};
+pub use edit::{FoundMount, write_mount};
 pub use error::ConfigError;
 pub use file::{
     Config, ExternalSection, FieldSection, FilterSection, HallSection, LidarSection, LinkSection,

@@ -9,13 +9,13 @@
 //! | 1 | [`geometry`], [`stats`] | frames as types, transforms; gates, seeded noise |
 //! | 2 | [`messages`] | plain data that modules exchange |
 //! | 3 | [`localization`], [`mapping`] | where the vehicle is; what the surface is |
-//! | 4 | [`planning`] | where to look next, and how to get there |
+//! | 4 | [`planning`], [`calibration`] | where to look next, and how to get there; where the LiDAR sits |
 //! | 5 | [`mission`] | phases and guards |
 //! | 6 | [`pilot`] | the brain: one event in, actions out, no I/O |
 //! | 7 | `link`, `lidar`, `camera`, `record` | feature `service`: the edges |
 //! | 7 | `figure` | feature `figures`, part of `service`: pictures of maps and curves |
 //! | 8 | `config` | the file, checked and turned into the settings of all of them |
-//! | 9 | `service`, `survey` | tasks, clock, supervision; after the flight: merged maps, changes |
+//! | 9 | `service`, `survey` | tasks, clock, supervision; after the flight: merged maps, changes, calibration |
 //! | 10 | `doctor` | before the flight: what is connected, judged, with cures |
 
 pub mod units;
@@ -30,6 +30,7 @@ pub mod messages;
 pub mod localization;
 pub mod mapping;
 
+pub mod calibration;
 pub mod planning;
 
 pub mod mission;

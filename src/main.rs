@@ -1,11 +1,17 @@
 //! The onboard program and its tools.
 
+#[path = "main/calibrate.rs"]
+mod calibrate;
 #[path = "main/doctor.rs"]
 mod doctor;
 #[path = "main/markers.rs"]
 mod markers;
 #[path = "main/params.rs"]
 mod params;
+#[path = "main/prior.rs"]
+mod prior;
+#[path = "main/survey.rs"]
+mod survey;
 
 use anyhow::Context;
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -42,6 +48,12 @@ enum Command {
     Replay(ReplayArgs),
     /// One map of several logs: of cut-off flights, of several flights or vehicles.
     Merge(MergeArgs),
+    /// The likeliest numbers of the field for the material that these flights saw.
+    Prior(prior::PriorArgs),
+    /// What a flight says about the hall.
+    Survey(survey::SurveyArgs),
+    /// What a flight says about the vehicle itself.
+    Calibrate(calibrate::CalibrateArgs),
     /// What has changed between two surveys of the same bays.
     Change(ChangeArgs),
     /// Where the vehicle may fly, and where one more marker would help most.
@@ -183,6 +195,9 @@ fn main() -> anyhow::Result<ExitCode> {
         Command::Run(args) => run(&args),
         Command::Replay(args) => run_replay(&args),
         Command::Merge(args) => run_merge(&args),
+        Command::Prior(args) => prior::run(&args),
+        Command::Survey(args) => survey::run(&args),
+        Command::Calibrate(args) => calibrate::run(&args),
         Command::Change(args) => run_change(&args),
         Command::Plan(args) => plan(&args),
         Command::Params(args) => params::run(&args),

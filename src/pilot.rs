@@ -269,6 +269,18 @@ impl Pilot {
         &self.mapper
     }
 
+    /// The localisation.
+    #[must_use]
+    pub const fn localizer(&self) -> &Localizer {
+        &self.localizer
+    }
+
+    /// True once no frame that is still to come can move the pose of an instant.
+    #[must_use]
+    pub fn has_settled(&self, at: Stamp<Mono>) -> bool {
+        self.localizer.newest_at().is_some_and(|newest| newest >= at) && self.frames.have_passed(at)
+    }
+
     /// The newest belief of the localisation, whether it can be flown on or not.
     #[must_use]
     pub fn estimate(&self) -> Option<NavEstimate> {
@@ -571,9 +583,7 @@ impl Pilot {
     fn map_waiting_scans(&mut self) {
         while let Some(scan) = self.waiting_scans.front() {
             let end = scan.end();
-            let is_covered = self.localizer.newest_at().is_some_and(|newest| newest >= end)
-                && self.frames.have_passed(end);
-            if !is_covered && self.now.since(end) <= SCAN_PATIENCE {
+            if !self.has_settled(end) && self.now.since(end) <= SCAN_PATIENCE {
                 break;
             }
             let Some(scan) = self.waiting_scans.pop_front() else { break };

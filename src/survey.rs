@@ -3,15 +3,23 @@
 //!
 //! ```text
 //! LOG LOG … ─ events ─▶ turns ─▶ mapping::merge ─▶ one solve ─▶ volumes ─▶ table, JSON, new log
+//!                                    └▶ the likeliest prior ─▶ configuration
+//! LOG ─ events ─▶ scans with their poses ─▶ calibration ─▶ mounting of the LiDAR
 //! EARLIER, LATER ─ recorded volumes ─▶ mapping::change ─▶ Δ ± U, verdict
 //! ```
 //!
-//! Not done here: the mathematics (`mapping`), and reading files (`record`, `config`).
+//! Not done here: the mathematics (`mapping`, `calibration`), and reading files (`record`, `config`).
 
+mod calibrate;
 mod compare;
+mod floor;
+mod learn;
 mod merge;
 mod table;
 
+pub use calibrate::{CalibrateError, MountOptions, calibrate_mount};
 pub use compare::{BayChange, ChangeReport, Origin, Survey, SurveyError, compare};
+pub use floor::{Floor, FloorError, FloorMemory, Learned, survey_floor};
+pub use learn::{FieldNumbers, LearnedPrior, learn_prior};
 pub use merge::{MergeLogsError, MergeOptions, MergedLog, MergedSurvey, merge_logs};
 pub use table::{AccountLine, accounts_table};

@@ -383,8 +383,11 @@ impl<N: Fn() -> Stamp<Mono>> Reader<N> {
             stats.restarts = counts.restarts;
             stats.missing_samples = assembled.missing_samples;
             if self.status.identity.as_ref() != target.sensor.identity() {
+                let before = self.status.identity.take();
                 self.status.identity = target.sensor.identity().cloned();
-                log_identity(&self.settings, target.model, self.status.identity.as_ref());
+                let is_news = before.and_then(|before| before.model)
+                    != self.status.identity.as_ref().and_then(|identity| identity.model);
+                log_identity(&self.settings, target.model, self.status.identity.as_ref(), is_news);
             }
         }
         if health != self.status.health {
@@ -401,13 +404,13 @@ fn is_only_slow(error: &io::Error) -> bool {
     matches!(error.kind(), TimedOut | WouldBlock | Interrupted)
 }
 
-/// Says who is there, and warns if it is not who was expected.
-fn log_identity(settings: &Settings, expected: Model, identity: Option<&Identity>) {
+/// Says who is there, and warns once if it is not who was expected.
+fn log_identity(settings: &Settings, expected: Model, identity: Option<&Identity>, is_news: bool) {
     let Some(identity) = identity else { return };
     let (port, name) = (settings.port.as_str(), identity.name.as_str());
     let (firmware, mode) = (identity.firmware.as_deref(), identity.mode.as_deref());
     tracing::info!(port, name, firmware, mode, "lidar identified");
-    if identity.model.is_some_and(|model| model != expected) {
+    if is_news && identity.model.is_some_and(|model| model != expected) {
         let expected = expected.full_name();
         tracing::warn!(port, name, expected, "another lidar than configured; check its ranges");
     }

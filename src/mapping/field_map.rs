@@ -10,6 +10,7 @@
 //!            └────────────────────────────────────────────────────────────┘
 //! ```
 
+mod learn;
 mod setup;
 mod solve;
 
@@ -85,6 +86,8 @@ pub struct NewestField {
     pub scatter_m: f64,
     /// What is known of ground that no beam reached.
     pub hidden: HiddenGround,
+    /// The adjoint of each volume, m²: where the next iterative solve of them starts in flight.
+    pub adjoints_m2: Vec<Vec<f64>>,
 }
 
 impl NewestField {

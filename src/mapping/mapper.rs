@@ -310,6 +310,12 @@ impl Mapper {
         (bay.name != WHOLE_REGION).then_some(bay.name.as_str())
     }
 
+    /// What it was made with.
+    #[must_use]
+    pub const fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
     /// Which area counts.
     #[must_use]
     pub fn base(&self) -> &Base {

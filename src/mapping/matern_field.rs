@@ -93,7 +93,7 @@ impl Solver {
 
     /// Up to here the factor is made in less than a tenth of a second, and gives draws and exact
     /// variances for little more.
-    pub(super) const MOST_NODES_DIRECT: usize = 20_000;
+    pub(in crate::mapping) const MOST_NODES_DIRECT: usize = 20_000;
 
     fn choose(self, lattice: &Lattice) -> Self {
         match self {

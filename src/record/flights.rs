@@ -6,12 +6,12 @@
 
 use super::entry::RecordedEvent;
 use super::reader::{LogItem, LogReader};
+use super::refly::Refly;
 use super::replay::ReplayError;
 use crate::mapping::footprint::Footprint;
 use crate::messages::HitCounts;
-use crate::pilot::{Action, Event, Job, JobId, Pilot};
+use crate::pilot::{Event, Pilot};
 use crate::time::{Mono, Stamp};
-use std::collections::BTreeMap;
 use std::error::Error;
 use std::fs::File;
 use std::io::BufReader;
@@ -51,7 +51,7 @@ where
     };
     let pilot = make_pilot(&config_toml).map_err(|error| ReplayError::Config(error.into()))?;
     let read = LoggedFlights { config_toml, ..LoggedFlights::default() };
-    let mut flown = Flown { pilot, jobs: BTreeMap::new(), read };
+    let mut flown = Flown { brain: Refly::new(pilot), read };
     for item in reader.by_ref() {
         match item {
             LogItem::Event { at, event } => flown.take(at, event),
@@ -63,36 +63,28 @@ where
     Ok(LoggedFlights { is_complete: reader.is_complete(), ..flown.end() })
 }
 
-/// A brain that flies a log again.
+/// What is taken from a log that is flown again.
 struct Flown {
-    pilot: Pilot,
-    jobs: BTreeMap<JobId, Box<Job>>,
+    brain: Refly,
     read: LoggedFlights,
 }
 
 impl Flown {
     fn take(&mut self, at: Stamp<Mono>, event: RecordedEvent) {
         self.read.last_at = at;
-        // A job that this build has not begun: another build's log.
-        let Some(event) = event.for_brain(|id| self.jobs.remove(&id)) else { return };
+        let Some(event) = self.brain.event(event) else { return };
         // Only a person starts a flight, and the map begins anew with it.
         let before = matches!(event, Event::Operator(_)).then(|| self.turns());
-        let mut actions = Vec::new();
-        self.pilot.step(event, &mut actions);
+        self.brain.step(event);
         if let Some(before) = before
-            && self.pilot.mapper().turns().len() < before.len()
+            && self.brain.pilot().mapper().turns().len() < before.len()
         {
             self.read.flights.push(before);
-        }
-        for action in actions {
-            if let Action::Start { id, job } = action {
-                self.jobs.insert(id, job);
-            }
         }
     }
 
     fn turns(&self) -> Vec<Arc<Footprint>> {
-        self.pilot.mapper().turns().to_vec()
+        self.brain.pilot().mapper().turns().to_vec()
     }
 
     fn end(mut self) -> LoggedFlights {
@@ -100,7 +92,7 @@ impl Flown {
         if !last.is_empty() {
             self.read.flights.push(last);
         }
-        self.read.hits = self.pilot.mapper().counts();
+        self.read.hits = self.brain.pilot().mapper().counts();
         self.read
     }
 }

@@ -1,9 +1,9 @@
 //! `stockpilot merge`: one map of several logs.
 
 use crate::config::{Config, ConfigError};
-use crate::mapping::SolveError;
 use crate::mapping::footprint::Footprint;
 use crate::mapping::merge::{FlightTurns, MergeError, merged};
+use crate::mapping::{Mapper, SolveError};
 use crate::messages::{HeightMap, HitCounts, VolumeAccount};
 use crate::pilot::{self, Action, FlightSummary, Pilot};
 use crate::record::replay::ReplayError;
@@ -124,11 +124,36 @@ struct Source {
     vehicle_idx: usize,
 }
 
+/// The turns of all logs in one map, not solved yet.
+pub(super) struct Joined {
+    /// The map.
+    pub(super) mapper: Mapper,
+    /// The last instant of any log.
+    pub(super) at: Stamp<Mono>,
+    sources: Vec<Source>,
+}
+
 /// Reads the flights of all logs again and solves one map of all their turns.
 ///
 /// # Errors
 /// A log that cannot be read, holds nothing, or measures something else than the first.
 pub fn merge_logs(logs: &[PathBuf], options: MergeOptions) -> Result<MergedSurvey, MergeLogsError> {
+    let Joined { mapper, at, sources } = join(logs, options)?;
+    let solved = mapper.snapshot(at, true).run()?;
+    let mut hits = HitCounts::default();
+    sources.iter().for_each(|source| hits += source.read.hits);
+    hits.refused = solved.n_beams_refused;
+    Ok(MergedSurvey {
+        accounts: solved.accounts,
+        surface: solved.surface,
+        hits,
+        logs: sources.iter().map(Source::summary).collect(),
+        config_toml: sources.into_iter().next().map_or_else(String::new, |s| s.read.config_toml),
+    })
+}
+
+/// Reads the flights of all logs again, into one map.
+pub(super) fn join(logs: &[PathBuf], options: MergeOptions) -> Result<Joined, MergeLogsError> {
     let mut sources: Vec<Source> = Vec::new();
     for path in logs {
         let mut source = read(path, options)?;
@@ -145,7 +170,6 @@ pub fn merge_logs(logs: &[PathBuf], options: MergeOptions) -> Result<MergedSurve
         })
         .collect();
     let turns: Vec<FlightTurns<'_>> = flights.iter().map(|(_, turns)| turns.clone()).collect();
-    let at = sources.iter().map(|source| source.read.last_at).fold(Stamp::ZERO, Stamp::max);
     let mapper = merged(&turns).map_err(|source| {
         let index = match source {
             MergeError::Different { flight, .. } | MergeError::Vehicle { flight } => flight,
@@ -154,17 +178,8 @@ pub fn merge_logs(logs: &[PathBuf], options: MergeOptions) -> Result<MergedSurve
         let path = flights.get(index).map_or_else(PathBuf::new, |(of, _)| of.path.clone());
         MergeLogsError::Different { path, source }
     })?;
-    let solved = mapper.snapshot(at, true).run()?;
-    let mut hits = HitCounts::default();
-    sources.iter().for_each(|source| hits += source.read.hits);
-    hits.refused = solved.n_beams_refused;
-    Ok(MergedSurvey {
-        accounts: solved.accounts,
-        surface: solved.surface,
-        hits,
-        logs: sources.iter().map(Source::summary).collect(),
-        config_toml: sources.into_iter().next().map_or_else(String::new, |s| s.read.config_toml),
-    })
+    let at = sources.iter().map(|source| source.read.last_at).fold(Stamp::ZERO, Stamp::max);
+    Ok(Joined { mapper, at, sources })
 }
 
 fn read(path: &Path, options: MergeOptions) -> Result<Source, MergeLogsError> {

@@ -3,7 +3,7 @@
 use std::ops::RangeInclusive;
 
 /// Modules of `stockpilot` with their ranks; a module names lower ranks only.
-const RANKS: [(&str, u8); 22] = [
+const RANKS: [(&str, u8); 23] = [
     ("units", 0),
     ("time", 0),
     ("geometry", 1),
@@ -12,6 +12,7 @@ const RANKS: [(&str, u8); 22] = [
     ("localization", 3),
     ("mapping", 3),
     ("planning", 4),
+    ("calibration", 4),
     ("mission", 5),
     ("pilot", 6),
     ("link", 7),

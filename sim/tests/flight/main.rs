@@ -2,6 +2,7 @@
 
 #![expect(clippy::expect_used, reason = "a helper of tests stops where its premise fails")]
 
+mod calibrate;
 mod external_planner;
 mod fault_cases;
 mod faults;

@@ -1,14 +1,13 @@
 //! Maps of several logs as one, and the change between two surveys, through files.
 
-use crate::support::short_survey;
+use crate::support::{record, short_survey};
 use std::path::{Path, PathBuf};
 use stockpilot::config::{Config, SurfaceName};
 use stockpilot::mapping::change::ChangeVerdict;
 use stockpilot::messages::VolumeAccount;
-use stockpilot::record::{LogHeader, Recorder, read_accounts};
+use stockpilot::record::read_accounts;
 use stockpilot::survey::{MergeOptions, MergedSurvey, Origin, Survey, compare, merge_logs};
 use stockpilot::time::Stamp;
-use stockpilot_sim::campaign::{DirectFlight, Witnessed};
 use stockpilot_sim::hall::{Devices, config};
 use stockpilot_sim::scenario::Scenario;
 use stockpilot_sim::world::World;
@@ -29,20 +28,8 @@ fn field_config(scenario: &Scenario) -> Config {
 /// Flies and records; the log.
 fn flown(folder: &Path, seed: u64) -> PathBuf {
     let scenario = scenario(seed);
-    let config = field_config(&scenario);
     let path = folder.join(format!("flight-{seed}.mcap"));
-    let header = LogHeader { config_toml: config.to_toml().expect("TOML"), ..LogHeader::default() };
-    let mut recorder = Recorder::create(&path, &header).expect("a log").waiting();
-    let mut flight = DirectFlight::with_config(&scenario, &config).expect("a flight");
-    while flight.summary().is_none() && flight.rig.now().seconds() < 300.0 {
-        flight.step(&mut |now, seen| match seen {
-            Witnessed::Event(event) => recorder.event(now, event),
-            Witnessed::Action(action) => recorder.result(now, action),
-            Witnessed::ToAutopilot(_) => {}
-        });
-    }
-    assert!(flight.summary().is_some(), "no end: {:?}", flight.texts());
-    assert_eq!(recorder.close().lost_in_queue, 0);
+    record(&scenario, &field_config(&scenario), &path);
     path
 }
 
@@ -125,7 +112,7 @@ fn logs_merge_into_the_joint_survey_and_compare_with_each_other() {
 
 /// The first events under another configuration, as a log of its own.
 fn with_config(log: &Path, folder: &Path, change: impl Fn(&mut Config)) -> PathBuf {
-    use stockpilot::record::{LogItem, LogReader, RecordedEvent};
+    use stockpilot::record::{LogHeader, LogItem, LogReader, RecordedEvent, Recorder};
     let mut items = LogReader::open(log).expect("a log");
     let Some(LogItem::Config { config_toml, .. }) = items.next() else {
         unreachable!("a log begins with its configuration")

@@ -1,10 +1,13 @@
 //! A flight like a campaign's, with hands on the sensors.
 
 use mavlink::dialects::ardupilotmega::{MavCmd, MavMessage};
+use std::path::Path;
 use std::time::Duration;
+use stockpilot::config::Config;
 use stockpilot::messages::VehicleCommand;
 use stockpilot::mission::Phase;
 use stockpilot::pilot::{Action, PhaseChange};
+use stockpilot::record::{LogHeader, Recorder};
 use stockpilot::time::{Mono, Stamp};
 use stockpilot_sim::autopilot::Flavour;
 use stockpilot_sim::camera::CameraModel;
@@ -27,6 +30,22 @@ pub(crate) fn short_survey(seed: u64, n_steps: usize) -> Scenario {
         // Four legs; left to itself the square wave would choose fewer.
         conditions: Conditions { leg_spacing_m: Some(5.0), ..Conditions::default() },
     }
+}
+
+/// Flies to the end and records all of it in a new log.
+pub(crate) fn record(scenario: &Scenario, config: &Config, path: &Path) {
+    let header = LogHeader { config_toml: config.to_toml().expect("TOML"), ..LogHeader::default() };
+    let mut recorder = Recorder::create(path, &header).expect("a log").waiting();
+    let mut flight = DirectFlight::with_config(scenario, config).expect("a flight");
+    while flight.summary().is_none() && flight.rig.now().seconds() < 300.0 {
+        flight.step(&mut |now, seen| match seen {
+            Witnessed::Event(event) => recorder.event(now, event),
+            Witnessed::Action(action) => recorder.result(now, action),
+            Witnessed::ToAutopilot(_) => {}
+        });
+    }
+    assert!(flight.summary().is_some(), "no end: {:?}", flight.texts());
+    assert_eq!(recorder.close().lost_in_queue, 0);
 }
 
 /// A direct flight with what a test wants to know of it.

@@ -146,7 +146,6 @@ async fn a_wrong_speed_is_told_within_two_seconds() {
 }
 
 #[tokio::test]
-#[ignore = "known fault: the faster A2 is not found within 12 s"]
 async fn an_rplidar_with_another_speed_than_its_model_is_found() {
     // An A2 sold with the faster interface.
     let mut rig =

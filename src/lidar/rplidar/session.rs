@@ -231,6 +231,8 @@ impl Rplidar {
 
     fn learn(&mut self, info: DeviceInfo) {
         self.info = Some(info);
+        // At once: to list the modes takes seconds on a slow line, and whoever waits must know that it is the right one.
+        self.identity = Some(self.describe());
         if info.firmware >= CONF_FIRMWARE || info.model >> 4 >= FIRST_SERIES_WITH_CONF {
             self.questions.extend([Query::ModeCount, Query::TypicalMode]);
         } else {

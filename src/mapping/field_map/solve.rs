@@ -151,6 +151,7 @@ impl SolveField {
                     is_known,
                     scatter_m: scatter_m.unwrap_or(0.0),
                     hidden: next,
+                    adjoints_m2: before.map_or_else(Vec::new, |b| b.adjoints_m2.clone()),
                 };
                 return Ok(Round {
                     solution,
@@ -175,11 +176,13 @@ impl SolveField {
     ) -> Result<Solution, FieldError> {
         let mut info = info.clone();
         hidden.add_to(&mut info);
+        let is_large = self.setup.lattice.n_nodes() > Solver::MOST_NODES_DIRECT;
+        let solver = if is_large && !self.is_final { Solver::LIVE } else { Solver::Automatic };
         matern_field::solve(
             &self.setup.lattice,
             &self.setup.settings.prior(),
             &info,
-            Solver::Automatic,
+            solver,
             before.map(|before| before.heights_m.as_slice()),
         )
     }
@@ -222,14 +225,18 @@ impl SolveField {
         &self,
         turns: &Undisturbed,
         n_patches: &[u32],
-        round: Round,
+        mut round: Round,
         amplitude: f64,
     ) -> Result<SolvedSurface, FieldError> {
         let setup = &self.setup;
         let at = setup.linearization(n_patches, round.before.as_ref());
         let areas_m2 = setup.areas_m2();
-        let adjoint = |of_bay: &Vec<f64>| round.solution.adjoint(of_bay, None);
-        let adjoints = areas_m2.iter().map(adjoint).collect::<Result<Vec<_>, _>>()?;
+        // After landing the result must not depend on the solves in flight.
+        let earlier = if self.is_final { &[][..] } else { &round.newest.adjoints_m2 };
+        let adjoint = |(bay, of_bay): (usize, &Vec<f64>)| {
+            round.solution.adjoint(of_bay, earlier.get(bay).map(Vec::as_slice))
+        };
+        let adjoints = areas_m2.iter().enumerate().map(adjoint).collect::<Result<Vec<_>, _>>()?;
         let q_m2: Vec<&[f64]> = adjoints.iter().map(|adjoint| adjoint.q.as_slice()).collect();
         let budgets = data_budgets(&turns.footprints, &at, &q_m2, &setup.settings.calibration);
         let mean_m = setup.lattice.on_cells(&round.newest.heights_m);
@@ -257,6 +264,7 @@ impl SolveField {
         let sigma_m = setup.lattice.on_cells(&var_m2).iter().map(|var| var.sqrt()).collect();
         let grid = *setup.lattice.grid();
         let disturbed_cells = turns.flagged.cells().collect();
+        round.newest.adjoints_m2 = adjoints.into_iter().map(|adjoint| adjoint.q).collect();
         let surface = HeightMap { at: self.at, grid, mean_m, sigma_m, disturbed_cells };
         Ok(SolvedSurface {
             accounts,

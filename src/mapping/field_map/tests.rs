@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::geometry::{Body, Hall, Point, Rotation, Transform};
+use crate::mapping::matern_field;
 use crate::mapping::region::{Rect, Region};
 use crate::mapping::{Mapper, Method, SolvedSurface, grid_map};
 use crate::messages::{Beam, BudgetSource, PoseError, Scan};
@@ -150,4 +151,40 @@ fn fully_seen_ground_has_nothing_hidden() {
     let landed = solved(&mapper, true);
     let sigma_m3 = landed.accounts[0].estimate.sigma_m3;
     assert!(row_m6(&landed, BudgetSource::HiddenGround) < 0.02 * sigma_m3 * sigma_m3);
+}
+
+#[test]
+fn the_prior_that_ground_was_drawn_from_is_learned() {
+    let truth = Prior { range_m: 2.0, sigma_m: 0.25, mean_m: 1.0, mean_sigma_m: 0.1 };
+    let cell_m = 0.25;
+    let grid = crate::messages::GridGeometry {
+        x_min_m: -1.0,
+        y_min_m: -1.0,
+        cell_m,
+        n_cols: 40,
+        n_rows: 40,
+    };
+    let lattice = Arc::new(Lattice::covering(&grid, 1.0, |_, _| false));
+    let empty = matern_field::Information::new(&lattice);
+    let solver = matern_field::Solver::Direct;
+    let drawn_from = matern_field::solve(&lattice, &truth, &empty, solver, None).expect("solved");
+    for seed in [1, 2] {
+        let mut noise = SeedBook::new(seed).stream("ground");
+        let ground_m = drawn_from.sample_m(&mut noise).expect("has a factor");
+        let height_m =
+            |x: f64, y: f64| lattice.row_at(x, y).map_or(-1.0, |row| row.value(&ground_m)).max(0.0);
+        let mut mapper = mapper();
+        for (leg, y_m) in [1.0, 3.0, 5.0, 7.0].into_iter().enumerate() {
+            fly_leg(&mut mapper, y_m, 10 * leg as u64, &height_m);
+        }
+        let landed = solved(&mapper, true);
+        mapper.absorb(&landed);
+        let snapshot = mapper.snapshot(Stamp::from_nanos(100_000_000_000), true);
+        let crate::mapping::SolveSurface::MaternField(field) = snapshot else { panic!("a field") };
+        let found = field.learn_prior().expect("estimated");
+        println!("seed {seed}: {found:?}");
+        // Started from ρ = 4 m and σ = 1 m. A field of four ranges by four fixes both to about 15 %.
+        assert!((found.range_m / truth.range_m).ln().abs() < 0.45, "{found:?}");
+        assert!((found.sigma_m / truth.sigma_m).ln().abs() < 0.45, "{found:?}");
+    }
 }

@@ -1,0 +1,172 @@
+//! Beams of a LiDAR that is mounted otherwise than configured, in a room whose faces they meet exactly.
+
+use super::*;
+use crate::calibration::planes;
+use crate::geometry::{Point, Rotation};
+use crate::mapping::polygon::Polygon;
+use crate::stats::{Noise, SeedBook};
+use std::f64::consts::{FRAC_PI_2, TAU};
+
+fn nominal() -> LidarMount {
+    LidarMount {
+        body_from_lidar: Transform::new(
+            Rotation::from_euler_rad(0.0, FRAC_PI_2, 0.0),
+            Point::new(0.08, 0.0, -0.06),
+        ),
+        range_sigma_m: 0.012,
+        angle_sigma_rad: 0.0017,
+        min_range_m: 0.15,
+        max_range_m: 12.0,
+        blind_sectors_rad: vec![(2.1, 3.2), (-3.2, -2.1)],
+    }
+}
+
+fn before() -> Before {
+    Before {
+        lidar: nominal(),
+        position_sigma_m: 0.01,
+        rotation_sigma_rad: 0.5_f64.to_radians(),
+        range_bias_sigma_m: 0.002,
+    }
+}
+
+fn room() -> Vec<Plane> {
+    let corners = [(0.0, 0.0), (14.0, 0.0), (14.0, 12.0), (0.0, 12.0)];
+    let walls = Polygon::new(&corners).expect("a rectangle");
+    planes::Hall {
+        floor_m: (0.0, 0.001),
+        walls: Some((walls, 0.002)),
+        ceiling_m: None,
+        material: None,
+        material_height_m: 0.0,
+    }
+    .planes()
+}
+
+/// Range along a ray to the nearest face of the room in front of it, m.
+fn ray_range_m(from: &Vector3<f64>, along: &Vector3<f64>) -> f64 {
+    let to = |start: f64, speed: f64, low: f64, high: f64| {
+        let end = if speed > 0.0 { high } else { low };
+        if speed.abs() < 1e-12 { f64::INFINITY } else { (end - start) / speed }
+    };
+    let x = to(from.x, along.x, 0.0, 14.0);
+    let y = to(from.y, along.y, 0.0, 12.0);
+    let z = to(from.z, along.z, 0.0, 1e9);
+    x.min(y).min(z)
+}
+
+/// A flight of `n_turns` with headings from `yaw_rad`, its poses wrong by slow errors of a few millimetres.
+fn flight(
+    truth: &Transform<Body, Lidar>,
+    n_turns: u32,
+    yaw_rad: impl Fn(f64) -> f64,
+    noise: &mut Noise,
+) -> Vec<PlacedTurn> {
+    let pose_sigma = (0.003, 0.0005);
+    let mut slow = Vector6::zeros();
+    (0..n_turns)
+        .map(|turn| {
+            let share = f64::from(turn) / f64::from(n_turns);
+            let place = Point::new(
+                7.0 + 4.0 * (TAU * share).sin(),
+                6.0 + 3.0 * (2.0 * TAU * share).cos(),
+                3.0,
+            );
+            let attitude = Rotation::from_euler_rad(
+                0.03 * (40.0 * share).sin(),
+                0.03 * (31.0 * share).cos(),
+                yaw_rad(share),
+            );
+            let pose = Transform::<Hall, Body>::new(attitude, place);
+            // Errors that last some turns.
+            let fresh = Vector6::from_fn(|k, _| {
+                if k < 3 { pose_sigma.0 * noise.normal() } else { pose_sigma.1 * noise.normal() }
+            });
+            slow = slow * 0.8 + fresh * 0.6;
+            let believed = pose.perturbed(
+                &slow.fixed_rows::<3>(0).into_owned(),
+                &slow.fixed_rows::<3>(3).into_owned(),
+            );
+            let hall_from_lidar = pose * *truth;
+            let beams = (0..120).map(|k| {
+                let angle_rad = f64::from(k) * TAU / 120.0 - 3.1;
+                let (sin, cos) = (angle_rad + 0.0017 * noise.normal()).sin_cos();
+                let along = hall_from_lidar.rotation.matrix() * Vector3::new(cos, sin, 0.0);
+                let range_m = ray_range_m(&hall_from_lidar.origin.coords, &along);
+                PlacedBeam {
+                    hall_from_body: believed,
+                    angle_rad,
+                    range_m: range_m + 0.012 * noise.normal(),
+                }
+            });
+            PlacedTurn {
+                pose_cov: Matrix6::from_diagonal(&Vector6::new(
+                    9e-6, 9e-6, 9e-6, 2.5e-7, 2.5e-7, 2.5e-7,
+                )),
+                beams: beams.collect(),
+            }
+        })
+        .collect()
+}
+
+fn wrong_by() -> (Vector3<f64>, Vector3<f64>) {
+    (Vector3::new(0.012, -0.02, 0.008), Vector3::new(0.9, -0.7, 0.5).map(f64::to_radians))
+}
+
+#[test]
+fn a_turning_flight_shows_the_whole_mounting() {
+    let (shift_m, turn_rad) = wrong_by();
+    let truth = nominal().body_from_lidar.perturbed(&shift_m, &turn_rad);
+    let mut z = Vec::new();
+    for seed in 0..6 {
+        let mut noise = SeedBook::new(seed).stream("mount");
+        let turns = flight(&truth, 400, |share| 4.0 * TAU * share, &mut noise);
+        let found = calibrate(&turns, &room(), &before(), &Limits::default()).expect("found");
+        for (axis, Found { change, sigma, is_seen, halves_z }) in found.axes.iter().enumerate() {
+            let expected = if axis < 3 { shift_m[axis] } else { turn_rad[axis - 3] };
+            let limit = if axis < 3 { 0.005 } else { 0.1_f64.to_radians() };
+            assert!(is_seen, "seed {seed}, {}: ± {sigma}", AXES[axis]);
+            assert!((change - expected).abs() < limit, "seed {seed}, {}: {change}", AXES[axis]);
+            assert!(halves_z.abs() < 3.5, "seed {seed}, {}: {halves_z}", AXES[axis]);
+            z.push((change - expected) / sigma);
+        }
+        assert!(found.faces.iter().all(|face| face.n_beams > 100), "{:?}", found.faces);
+    }
+    // The stated σ are the scatter: 36 numbers, a factor of 1.6 either way.
+    let rms = (z.iter().map(|z| z * z).sum::<f64>() / z.len() as f64).sqrt();
+    assert!((0.6..1.6).contains(&rms), "rms z {rms}: {z:?}");
+}
+
+#[test]
+fn what_one_heading_does_not_show_is_left_and_named() {
+    let (shift_m, turn_rad) = wrong_by();
+    let truth = nominal().body_from_lidar.perturbed(&shift_m, &turn_rad);
+    let mut noise = SeedBook::new(1).stream("mount");
+    let turns = flight(&truth, 400, |_| 0.0, &mut noise);
+    let found = calibrate(&turns, &room(), &before(), &Limits::default()).expect("found");
+    // The scan plane stands across the flight: nothing says where along it the LiDAR sits.
+    assert!(!found.axes[0].is_seen, "{:?}", found.axes[0]);
+    assert!(found.axes[0].change.abs() < 1e-15 && (found.axes[0].sigma - 0.01).abs() < 1e-15);
+    // How far it leans about its own axis is plain.
+    assert!(found.axes[5].is_seen, "{:?}", found.axes[5]);
+    assert!((found.axes[5].change - turn_rad.z).abs() < 0.1_f64.to_radians());
+}
+
+#[test]
+fn a_floor_of_unknown_level_hides_the_height() {
+    let (shift_m, turn_rad) = wrong_by();
+    let truth = nominal().body_from_lidar.perturbed(&shift_m, &turn_rad);
+    let mut noise = SeedBook::new(2).stream("mount");
+    let turns = flight(&truth, 400, |share| 4.0 * TAU * share, &mut noise);
+    let mut faces = room();
+    faces[0].sigma_m = 0.02;
+    let found = calibrate(&turns, &faces, &before(), &Limits::default()).expect("found");
+    assert!(!found.axes[2].is_seen, "{:?}", found.axes[2]);
+    assert!(found.axes[0].is_seen && found.axes[1].is_seen, "{:?}", found.axes);
+}
+
+#[test]
+fn no_walls_in_sight_is_an_error() {
+    let found = calibrate(&[], &room(), &before(), &Limits::default());
+    assert_eq!(found.unwrap_err(), CalibrationError::TooFew { n_beams: 0 });
+}

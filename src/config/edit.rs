@@ -1,0 +1,145 @@
+//! Numbers that a calibration has found, put into the file in place of the old ones; comments stay.
+
+use super::error::ConfigError;
+use super::file::Config;
+use crate::geometry::{Body, Lidar, Transform};
+use std::fs;
+use std::io::{self, Write};
+use std::path::Path;
+use toml_edit::{Array, DocumentMut, InlineTable, Item, Value, value};
+
+/// A mounting with how well it is known.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FoundMount {
+    /// The LiDAR on the body.
+    pub body_from_lidar: Transform<Body, Lidar>,
+    /// Standard deviation of its place, each axis, m.
+    pub position_sigma_m: f64,
+    /// Standard deviation of its direction, about each axis, rad.
+    pub rotation_sigma_rad: f64,
+}
+
+/// Writes the mounting into a configuration file. The file is replaced as a whole or not at all.
+///
+/// # Errors
+/// A file that cannot be read or replaced, or that is no configuration.
+pub fn write_mount(path: &Path, found: &FoundMount) -> Result<(), ConfigError> {
+    let unreadable = |source: io::Error| ConfigError::Unreadable { path: path.to_owned(), source };
+    let text = fs::read_to_string(path).map_err(unreadable)?;
+    let edited = with_mount(&text, path, found)?;
+    replace(path, &edited).map_err(unreadable)
+}
+
+fn with_mount(text: &str, path: &Path, found: &FoundMount) -> Result<String, ConfigError> {
+    let file = |message: String| ConfigError::File { path: path.to_owned(), message };
+    Config::from_toml(text, path)?;
+    let mut document: DocumentMut =
+        text.parse().map_err(|error: toml_edit::TomlError| file(error.to_string()))?;
+    let (roll, pitch, yaw) = found.body_from_lidar.rotation.euler_rad();
+    let place = found.body_from_lidar.origin.coords;
+    let mut mount = InlineTable::new();
+    mount.insert("position_m", rounded([place.x, place.y, place.z], 1e-4));
+    mount.insert("rotation_deg", rounded([roll, pitch, yaw].map(f64::to_degrees), 1e-4));
+    document["lidar"]["mount"] = value(mount);
+    let uncertainty = &mut document["surface"]["uncertainty"];
+    if uncertainty.is_none() {
+        *uncertainty = Item::Table(toml_edit::Table::new());
+    }
+    uncertainty["mount_position_sigma_m"] = value(to_step(found.position_sigma_m, 1e-4));
+    uncertainty["mount_rotation_sigma_deg"] =
+        value(to_step(found.rotation_sigma_rad.to_degrees(), 1e-3));
+    if let Some(surface) = document["surface"].as_table_mut() {
+        surface.set_implicit(surface.is_empty());
+    }
+    let edited = document.to_string();
+    // What was written must be what was meant.
+    Config::from_toml(&edited, path)?;
+    Ok(edited)
+}
+
+fn rounded(values: [f64; 3], step: f64) -> Value {
+    values.map(|v| to_step(v, step)).into_iter().collect::<Array>().into()
+}
+
+/// The nearest multiple of 1/round(1/step), printed short.
+fn to_step(number: f64, step: f64) -> f64 {
+    let per_unit = (1.0 / step).round();
+    (number * per_unit).round() / per_unit
+}
+
+fn replace(path: &Path, text: &str) -> io::Result<()> {
+    let mut beside = path.as_os_str().to_owned();
+    beside.push(".new");
+    let mut file = fs::File::create(&beside)?;
+    file.write_all(text.as_bytes())?;
+    file.set_permissions(fs::metadata(path)?.permissions())?;
+    file.sync_all()?;
+    fs::rename(&beside, path)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{Point, Rotation};
+    use nalgebra::Vector3;
+
+    const EXAMPLE: &str = include_str!("../../deploy/config.example.toml");
+
+    #[test]
+    fn the_mounting_is_replaced_and_the_rest_stays() {
+        let nominal = Transform::<Body, Lidar>::new(
+            Rotation::from_euler_rad(0.0, std::f64::consts::FRAC_PI_2, 0.0),
+            Point::new(0.08, 0.0, -0.06),
+        );
+        let turn = Vector3::new(0.01, -0.02, 0.005);
+        let found = FoundMount {
+            body_from_lidar: nominal.perturbed(&Vector3::new(0.0123, -0.004, 0.002), &turn),
+            position_sigma_m: 0.00123,
+            rotation_sigma_rad: 0.0005,
+        };
+        let edited = with_mount(EXAMPLE, Path::new("example"), &found).expect("edited");
+        let config = Config::from_toml(&edited, Path::new("edited")).expect("valid");
+        let lidar = config.pilot_settings().expect("in range").mapping.lidar;
+        let off = lidar.body_from_lidar.rotation.minus(&found.body_from_lidar.rotation);
+        assert!(off.norm() < 5e-6, "{off:?}");
+        let moved_m = (lidar.body_from_lidar.origin - found.body_from_lidar.origin).coords;
+        assert!(moved_m.norm() < 1e-4, "{moved_m:?}");
+        let uncertainty = config.surface.uncertainty;
+        assert!((uncertainty.mount_position_sigma_m - 0.0012).abs() < 1e-9);
+        assert!((uncertainty.mount_rotation_sigma_deg - 0.029).abs() < 1e-9);
+        // Only those three lines differ.
+        let changed = EXAMPLE.lines().zip(edited.lines()).filter(|(a, b)| a != b).count();
+        assert_eq!((changed, EXAMPLE.lines().count()), (3, edited.lines().count()));
+    }
+
+    #[test]
+    fn a_file_without_the_section_gets_it() {
+        let start = EXAMPLE.find("[surface]").expect("a section");
+        let end = EXAMPLE.find("[planning]").expect("a section");
+        let short = format!("{}{}", &EXAMPLE[..start], &EXAMPLE[end..]);
+        let found = FoundMount {
+            body_from_lidar: Transform::new(Rotation::identity(), Point::new(0.1, 0.0, 0.0)),
+            position_sigma_m: 0.002,
+            rotation_sigma_rad: 0.001,
+        };
+        let edited = with_mount(&short, Path::new("short"), &found).expect("edited");
+        let config = Config::from_toml(&edited, Path::new("edited")).expect("valid");
+        assert!((config.surface.uncertainty.mount_position_sigma_m - 0.002).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_file_is_replaced_on_disk() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("hall.toml");
+        fs::write(&path, EXAMPLE).expect("written");
+        let found = FoundMount {
+            body_from_lidar: Transform::new(Rotation::identity(), Point::new(0.1, 0.0, 0.0)),
+            position_sigma_m: 0.002,
+            rotation_sigma_rad: 0.001,
+        };
+        write_mount(&path, &found).expect("written");
+        let config = super::super::load(&path, &[]).expect("valid");
+        assert!((config.lidar.mount.position_m[0] - 0.1).abs() < 1e-12);
+        assert_eq!(fs::read_dir(folder.path()).expect("a folder").count(), 1);
+    }
+}

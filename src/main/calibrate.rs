@@ -1,0 +1,183 @@
+//! `stockpilot calibrate`.
+
+use clap::{Args, Subcommand};
+use serde::Serialize;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use stockpilot::calibration::mount::{AXES, Found, Limits, MountCalibration};
+use stockpilot::config::{self, FoundMount};
+use stockpilot::survey::{MountOptions, calibrate_mount};
+
+#[derive(Debug, Args)]
+pub(crate) struct CalibrateArgs {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(Debug, Subcommand)]
+enum What {
+    /// Where the LiDAR sits on the body and where it looks, from a flight along floor and walls.
+    Lidar(LidarArgs),
+}
+
+#[derive(Debug, Args)]
+struct LidarArgs {
+    /// Log of a flight that turned to several headings near the walls; `hall.walls_m` must be configured.
+    log: PathBuf,
+    /// No material lies in the hall.
+    #[arg(long)]
+    empty: bool,
+    /// How well the places of the walls are known, 1σ, m.
+    #[arg(long, value_name = "M", default_value_t = 0.005)]
+    wall_sigma_m: f64,
+    /// How well the level of the floor is known, 1σ, m; as configured if left out.
+    #[arg(long, value_name = "M")]
+    floor_sigma_m: Option<f64>,
+    /// Write what was seen into this configuration file.
+    #[arg(long, value_name = "CONFIG")]
+    write: Option<PathBuf>,
+    /// Print one JSON object.
+    #[arg(long)]
+    json: bool,
+}
+
+pub(crate) fn run(args: &CalibrateArgs) -> anyhow::Result<ExitCode> {
+    match &args.what {
+        What::Lidar(args) => run_lidar(args),
+    }
+}
+
+fn run_lidar(args: &LidarArgs) -> anyhow::Result<ExitCode> {
+    for sigma_m in [Some(args.wall_sigma_m), args.floor_sigma_m].into_iter().flatten() {
+        anyhow::ensure!(sigma_m > 0.0 && sigma_m <= 1.0, "{sigma_m} m is no standard deviation");
+    }
+    let options = MountOptions {
+        hall_is_empty: args.empty,
+        wall_sigma_m: args.wall_sigma_m,
+        floor_sigma_m: args.floor_sigma_m,
+        limits: Limits::default(),
+    };
+    let found = calibrate_mount(&args.log, &options)?;
+    if let Some(path) = &args.write {
+        config::write_mount(path, &for_file(&found))?;
+    }
+    print_mount(&found, args)?;
+    let is_whole = found.axes.iter().all(|axis| axis.is_seen);
+    Ok(if is_whole { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}
+
+/// The configuration has one σ for the place and one for the direction: the largest.
+fn for_file(found: &MountCalibration) -> FoundMount {
+    let largest = |axes: &[Found]| axes.iter().map(|axis| axis.sigma).fold(0.0, f64::max);
+    FoundMount {
+        body_from_lidar: found.body_from_lidar,
+        position_sigma_m: largest(&found.axes[..3]),
+        rotation_sigma_rad: largest(&found.axes[3..]),
+    }
+}
+
+#[derive(Debug, Serialize)]
+struct MountLine {
+    position_m: [f64; 3],
+    rotation_deg: [f64; 3],
+    axes: Vec<AxisLine>,
+    range_bias_m: f64,
+    range_bias_sigma_m: f64,
+    faces: Vec<FaceLine>,
+    written: Option<PathBuf>,
+}
+
+#[derive(Debug, Serialize)]
+struct AxisLine {
+    name: &'static str,
+    unit: &'static str,
+    change: f64,
+    sigma: f64,
+    seen: bool,
+    halves_z: f64,
+}
+
+#[derive(Debug, Serialize)]
+struct FaceLine {
+    name: String,
+    beams: usize,
+    rms_m: f64,
+}
+
+impl MountLine {
+    fn new(found: &MountCalibration, written: Option<PathBuf>) -> Self {
+        let (roll, pitch, yaw) = found.body_from_lidar.rotation.euler_rad();
+        let axis = |(k, axis): (usize, &Found)| {
+            let (unit, scale) = if k < 3 { ("m", 1.0) } else { ("deg", 1_f64.to_degrees()) };
+            AxisLine {
+                name: AXES[k],
+                unit,
+                change: axis.change * scale,
+                sigma: axis.sigma * scale,
+                seen: axis.is_seen,
+                halves_z: axis.halves_z,
+            }
+        };
+        let faces = found.faces.iter();
+        Self {
+            position_m: found.body_from_lidar.origin.coords.into(),
+            rotation_deg: [roll, pitch, yaw].map(f64::to_degrees),
+            axes: found.axes.iter().enumerate().map(axis).collect(),
+            range_bias_m: found.range_bias_m.0,
+            range_bias_sigma_m: found.range_bias_m.1,
+            faces: faces
+                .map(|f| FaceLine { name: f.name.clone(), beams: f.n_beams, rms_m: f.rms_m })
+                .collect(),
+            written,
+        }
+    }
+}
+
+#[expect(clippy::print_stdout, reason = "the program's output")]
+fn print_mount(found: &MountCalibration, args: &LidarArgs) -> anyhow::Result<()> {
+    let line = MountLine::new(found, args.write.clone());
+    if args.json {
+        println!("{}", serde_json::to_string(&line)?);
+        return Ok(());
+    }
+    for face in &line.faces {
+        println!("{:8} {:>8} beams, rms {:.1} mm", face.name, face.beams, 1e3 * face.rms_m);
+    }
+    for axis in &line.axes {
+        let (scale, unit) = if axis.unit == "m" { (1e3, "mm") } else { (1.0, "°") };
+        let (change, sigma) = (scale * axis.change, scale * axis.sigma);
+        if axis.seen {
+            println!(
+                "{:13} {change:+8.3} ± {sigma:.3} {unit}; halves of the flight differ by {:.1} σ",
+                axis.name,
+                axis.halves_z.abs()
+            );
+        } else {
+            println!(
+                "{:13} not seen, stays as configured, ± {sigma:.3} {unit}: {}",
+                axis.name,
+                advice(axis.name)
+            );
+        }
+    }
+    let [x, y, z] = line.position_m;
+    let [roll, pitch, yaw] = line.rotation_deg;
+    println!(
+        "mount = {{ position_m = [{x:.4}, {y:.4}, {z:.4}], rotation_deg = [{roll:.4}, {pitch:.4}, {yaw:.4}] }}"
+    );
+    if let Some(path) = &args.write {
+        println!("written to {}", path.display());
+    }
+    Ok(())
+}
+
+/// What would show an axis.
+fn advice(axis: &str) -> &'static str {
+    match axis {
+        "place z" => "the level of the floor must be known better (--floor-sigma-m)",
+        "place x" | "place y" => {
+            "turn to headings all around near walls whose places are known (--wall-sigma-m)"
+        }
+        _ => "fly near walls at several headings, at different distances",
+    }
+}
