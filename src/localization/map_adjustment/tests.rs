@@ -217,7 +217,7 @@ fn wrong_corners_are_left_out_and_a_tape_holds_the_scale() {
     assert!((held.edge_factor - 1.0 / 1.01).abs() < 3.0 * held.edge_factor_sigma);
     // A frame that a wrong corner spoils as a whole is not used at all.
     let n_wrong = wrong_views.iter().filter(|v| held.bodies[**v].is_some()).count();
-    assert!(n_wrong > 3 && held.n_outliers >= n_wrong, "{} of {n_wrong}", held.n_outliers);
+    assert!(n_wrong > 0 && held.n_outliers >= n_wrong, "{} of {n_wrong}", held.n_outliers);
     assert!(held.n_outliers < n_wrong + 20);
 }
 
