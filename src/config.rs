@@ -25,7 +25,7 @@ mod security;
 
 pub use bays::{BaseSection, BaySection, ExclusionSection};
 pub use cameras::{CameraSection, LensName};
-pub use edit::{FoundMount, write_mount};
+pub use edit::{FoundMount, write_clock, write_mount};
 pub use error::ConfigError;
 pub use file::{
     Config, ExternalSection, FieldSection, FilterSection, HallSection, LidarSection, LinkSection,

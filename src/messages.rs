@@ -24,7 +24,7 @@ pub use nav::{
 pub use operator::{
     OperatorAnswer, OperatorCommand, OperatorRequest, OperatorVerb, Severity, StatusText,
 };
-pub use scan::{Beam, Scan};
+pub use scan::{Beam, Scan, ScanCorrection};
 pub use setpoint::Setpoint;
 pub use tag_pattern::TagPattern;
 pub use vehicle::{

@@ -26,7 +26,7 @@ use crate::localization::{self, Localizer};
 use crate::mapping::{self, Mapper, SolveError, SolvedSurface};
 use crate::messages::{
     AutopilotPose, BatterySample, DisturbedArea, NavEstimate, OperatorAnswer, OperatorCommand,
-    Scan, Severity, StatusText, VehicleState, VolumeAccount,
+    Scan, ScanCorrection, Severity, StatusText, VehicleState, VolumeAccount,
 };
 use crate::mission::{self, Effect, EnergyGauge, Inputs, Mission, Phase};
 use crate::planning;
@@ -57,6 +57,8 @@ pub struct Settings {
     pub planning: planning::Settings,
     /// Times and levels of the mission.
     pub mission: mission::Settings,
+    /// What is known to be wrong with every beam.
+    pub scan_correction: ScanCorrection,
     /// The surface is solved this often in flight.
     pub solve_interval: Duration,
     /// The volume is reported this often.
@@ -204,6 +206,7 @@ impl Pilot {
                 }
             }
             Event::Scanned(scan) => {
+                let scan = scan.corrected(&self.settings.scan_correction);
                 if !intake::believes_scan(&scan, self.now) {
                     self.mapper.refuse(&scan);
                     return;
@@ -273,6 +276,12 @@ impl Pilot {
     #[must_use]
     pub const fn localizer(&self) -> &Localizer {
         &self.localizer
+    }
+
+    /// What it was made with.
+    #[must_use]
+    pub const fn settings(&self) -> &Settings {
+        &self.settings
     }
 
     /// True once no frame that is still to come can move the pose of an instant.

@@ -17,7 +17,7 @@ mod learn;
 mod merge;
 mod table;
 
-pub use calibrate::{CalibrateError, MountOptions, calibrate_mount};
+pub use calibrate::{CalibrateError, LidarCalibration, MountOptions, calibrate_mount};
 pub use compare::{BayChange, ChangeReport, Origin, Survey, SurveyError, compare};
 pub use floor::{Floor, FloorError, FloorMemory, Learned, survey_floor};
 pub use learn::{FieldNumbers, LearnedPrior, learn_prior};

@@ -211,6 +211,9 @@ fn lidar(name: &str, model: &LidarModel, port: String) -> LidarSection {
         angle_sigma_deg: 0.1,
         min_range_m: 0.15,
         max_range_m: model.range_max_m,
+        range_bias_m: 0.0,
+        range_scale: 0.0,
+        clock_offset_ms: 0.0,
         blind_sectors_deg: Vec::new(),
     }
 }

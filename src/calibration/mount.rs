@@ -2,11 +2,13 @@
 //!
 //! ```text
 //! n·(p + R (t + δt + R_l exp(δφ^) u(α) (d + b))) − (c + δc) = noise
-//! ∂/∂δt = Rᵀn,   ∂/∂δφ = u d × (R R_l)ᵀ n,   ∂/∂b = n·R R_l u,   ∂/∂δc = −1
+//! ∂/∂δt = Rᵀn,   ∂/∂δφ = u d × (R R_l)ᵀ n,   ∂/∂b = n·R R_l u,   ∂/∂τ = −n·(v + R (ω × s)),   ∂/∂δc = −1
 //! ```
 //! - n, c: the face; δc its own error, constant, with the σ that the hall states
 //! - p, R: pose at the beam's own time; t, `R_l`: the mounting; α, d: angle and range of the beam
 //! - b: constant error of the ranges, with the σ that the configuration states
+//! - τ: the stamps come this much later than the beams; v, ω: velocity and rate of the body; s: the hit in
+//!   body axes
 //!
 //! Beams of one turn on one face share the pose's error: together they weigh no more than one look
 //! with that error. Errors of the pose last longer than a turn, though, so the σ come from leaving out
@@ -44,6 +46,10 @@ pub struct PlacedTurn {
     /// Covariance of the pose's error that its beams share: position in hall axes, attitude in body
     /// axes.
     pub pose_cov: Matrix6<f64>,
+    /// Velocity of the body in hall axes, m/s.
+    pub velocity_mps: Vector3<f64>,
+    /// Angular velocity in body axes, rad/s.
+    pub rate_radps: Vector3<f64>,
     /// Its beams.
     pub beams: Vec<PlacedBeam>,
 }
@@ -59,6 +65,8 @@ pub struct Before {
     pub rotation_sigma_rad: f64,
     /// Standard deviation of the constant error of its ranges, m.
     pub range_bias_sigma_m: f64,
+    /// Standard deviation of its stamps against the poses, s.
+    pub clock_sigma_s: f64,
 }
 
 /// An axis counts as seen up to these σ.
@@ -68,11 +76,17 @@ pub struct Limits {
     pub position_sigma_m: f64,
     /// Of the direction, rad.
     pub rotation_sigma_rad: f64,
+    /// Of the stamps, s.
+    pub clock_sigma_s: f64,
 }
 
 impl Default for Limits {
     fn default() -> Self {
-        Self { position_sigma_m: 0.005, rotation_sigma_rad: 0.1_f64.to_radians() }
+        Self {
+            position_sigma_m: 0.005,
+            rotation_sigma_rad: 0.1_f64.to_radians(),
+            clock_sigma_s: 0.001,
+        }
     }
 }
 
@@ -109,6 +123,8 @@ pub struct MountCalibration {
     pub axes: [Found; 6],
     /// Constant error of the ranges, m, and its σ.
     pub range_bias_m: (f64, f64),
+    /// How much later than the beams the stamps come, s; seen if [`Limits`] say so.
+    pub clock_offset_s: Found,
     /// The faces of the hall.
     pub faces: Vec<FaceReport>,
 }
@@ -134,8 +150,12 @@ pub enum CalibrationError {
 pub const AXES: [&str; 6] =
     ["place x", "place y", "place z", "about lidar x", "about lidar y", "about lidar z"];
 
-/// Numbers of the mounting; behind them come the bias of the ranges and the faces' own errors.
+/// Numbers of the mounting.
 const N_MOUNT: usize = 6;
+/// Behind them: the bias of the ranges, the offset of the stamps, and the faces' own errors.
+const BIAS: usize = N_MOUNT;
+const CLOCK: usize = N_MOUNT + 1;
+const FACES: usize = N_MOUNT + 2;
 /// Fewer beams are no calibration.
 const LEAST_BEAMS: usize = 500;
 /// A LiDAR may be off by so much before: its place, m, and its direction, rad.
@@ -175,7 +195,13 @@ pub fn calibrate(
     Ok(MountCalibration {
         body_from_lidar: before.lidar.body_from_lidar.perturbed(&part(0), &part(3)),
         axes,
-        range_bias_m: (solved.x[N_MOUNT], solved.sigma[N_MOUNT]),
+        range_bias_m: (solved.x[BIAS], solved.sigma[BIAS]),
+        clock_offset_s: Found {
+            change: solved.x[CLOCK],
+            sigma: solved.sigma[CLOCK],
+            is_seen: solved.sigma[CLOCK] <= limits.clock_sigma_s,
+            halves_z: solved.halves_z[CLOCK],
+        },
         faces: solved.faces,
     })
 }
@@ -194,7 +220,7 @@ fn solve(
     mount_sigma: [f64; N_MOUNT],
 ) -> Result<Solved, CalibrationError> {
     let mut prior_sigma = mount_sigma.to_vec();
-    prior_sigma.push(before.range_bias_sigma_m);
+    prior_sigma.extend([before.range_bias_sigma_m, before.clock_sigma_s]);
     prior_sigma.extend(planes.iter().map(|plane| plane.sigma_m));
     let mut x = DVector::zeros(prior_sigma.len());
     let mut last = None;
@@ -210,8 +236,7 @@ fn solve(
     }
     let (blocks, faces) = last.ok_or(CalibrationError::NoSolution)?;
     let sigma = blocks.sigma(&prior_sigma, &x).ok_or(CalibrationError::NoSolution)?;
-    let halves_z =
-        blocks.halves_z(&prior_sigma, &x, N_MOUNT).ok_or(CalibrationError::NoSolution)?;
+    let halves_z = blocks.halves_z(&prior_sigma, &x, FACES).ok_or(CalibrationError::NoSolution)?;
     Ok(Solved { x, sigma, halves_z, faces })
 }
 
@@ -252,8 +277,8 @@ struct Look {
     face: usize,
     /// How far it seems to be in front of the face, m.
     distance_m: f64,
-    /// Derivative of that by the mounting and by the ranges' constant error.
-    by_mount: [f64; N_MOUNT + 1],
+    /// Derivative of that by the mounting, the ranges' constant error, and the stamps' offset.
+    by_own: [f64; FACES],
     /// Derivative by the pose.
     by_pose: Vector6<f64>,
     /// Variance by range and angle, m².
@@ -274,22 +299,32 @@ impl PlacedTurn {
             }
             let (sin, cos) = beam.angle_rad.sin_cos();
             let u = Vector3::new(cos, sin, 0.0);
-            let range_m = beam.range_m + x[N_MOUNT];
+            let range_m = beam.range_m + x[BIAS];
             let R = beam.hall_from_body.rotation.matrix();
             let p_body = mounted.origin.coords + R_l * u * range_m;
-            let place_m = beam.hall_from_body.origin.coords + R * p_body;
+            let moves_mps = self.velocity_mps + R * self.rate_radps.cross(&p_body);
+            let place_m = beam.hall_from_body.origin.coords + R * p_body - moves_mps * x[CLOCK];
             let face = face_of(planes, &place_m, gate_m)?;
-            let n_body = R.transpose() * planes[face].normal;
+            let n = planes[face].normal;
+            let n_body = R.transpose() * n;
             let n_lidar = R_l.transpose() * n_body;
             let by_turn = (u * range_m).cross(&n_lidar);
             let along = n_lidar.dot(&u);
             let across = n_lidar.dot(&Vector3::new(-sin, cos, 0.0)) * range_m;
-            let n = planes[face].normal;
             let attitude = skew(&p_body) * n_body;
             Some(Look {
                 face,
-                distance_m: planes[face].distance_m(&place_m) - x[N_MOUNT + 1 + face],
-                by_mount: [n_body.x, n_body.y, n_body.z, by_turn.x, by_turn.y, by_turn.z, along],
+                distance_m: planes[face].distance_m(&place_m) - x[FACES + face],
+                by_own: [
+                    n_body.x,
+                    n_body.y,
+                    n_body.z,
+                    by_turn.x,
+                    by_turn.y,
+                    by_turn.z,
+                    along,
+                    -n.dot(&moves_mps),
+                ],
                 by_pose: Vector6::new(n.x, n.y, n.z, attitude.x, attitude.y, attitude.z),
                 var_m2: (lidar.range_sigma_m * along).powi(2)
                     + (lidar.angle_sigma_rad * across).powi(2),
@@ -303,14 +338,14 @@ impl Look {
     /// The row of the linear equation row·x = target.
     fn row(&self, n: usize) -> DVector<f64> {
         let mut row = DVector::zeros(n);
-        row.as_mut_slice()[..=N_MOUNT].copy_from_slice(&self.by_mount);
-        row[N_MOUNT + 1 + self.face] = -1.0;
+        row.as_mut_slice()[..FACES].copy_from_slice(&self.by_own);
+        row[FACES + self.face] = -1.0;
         row
     }
 
     /// What the row has to give so that the beam ends on its face, m.
     fn target_m(&self, x: &DVector<f64>) -> f64 {
-        let at = self.by_mount.iter().zip(x.iter()).map(|(a, x)| a * x).sum::<f64>();
-        at - x[N_MOUNT + 1 + self.face] - self.distance_m
+        let at = self.by_own.iter().zip(x.iter()).map(|(a, x)| a * x).sum::<f64>();
+        at - x[FACES + self.face] - self.distance_m
     }
 }

@@ -60,6 +60,7 @@ impl Config {
             mapping: self.mapping_settings()?,
             planning: self.planning_settings()?,
             mission: self.mission_settings()?,
+            scan_correction: self.scan_correction()?,
             solve_interval: seconds(
                 "surface.solve_interval_s",
                 self.surface.solve_interval_s,
@@ -339,6 +340,17 @@ impl Config {
                 VarianceUpdateName::Printed => kalman_grid::VarianceUpdate::Printed,
                 VarianceUpdateName::Kalman => kalman_grid::VarianceUpdate::Kalman,
             },
+        })
+    }
+
+    fn scan_correction(&self) -> Result<crate::messages::ScanCorrection, ConfigError> {
+        let l = &self.lidar;
+        let offset_ms =
+            within("lidar.clock_offset_ms", l.clock_offset_ms, (-1000.0, 1000.0), "ms")?;
+        Ok(crate::messages::ScanCorrection {
+            range_bias_m: within("lidar.range_bias_m", l.range_bias_m, (-1.0, 1.0), "m")?,
+            range_scale: within("lidar.range_scale", l.range_scale, (-0.1, 0.1), "")?,
+            clock_offset_s: 1e-3 * offset_ms,
         })
     }
 

@@ -6,7 +6,7 @@ use crate::geometry::{Body, Lidar, Transform};
 use std::fs;
 use std::io::{self, Write};
 use std::path::Path;
-use toml_edit::{Array, DocumentMut, InlineTable, Item, Value, value};
+use toml_edit::{Array, DocumentMut, InlineTable, Item, Table, Value, value};
 
 /// A mounting with how well it is known.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -30,31 +30,64 @@ pub fn write_mount(path: &Path, found: &FoundMount) -> Result<(), ConfigError> {
     replace(path, &edited).map_err(unreadable)
 }
 
+/// Writes the offset of the stamps and its standard deviation, s.
+///
+/// # Errors
+/// As [`write_mount`].
+pub fn write_clock(path: &Path, offset_s: f64, sigma_s: f64) -> Result<(), ConfigError> {
+    let unreadable = |source: io::Error| ConfigError::Unreadable { path: path.to_owned(), source };
+    let text = fs::read_to_string(path).map_err(unreadable)?;
+    let edited = edited(&text, path, |document| {
+        document["lidar"]["clock_offset_ms"] = value(to_step(1e3 * offset_s, 1e-3));
+        let sigma_ms = to_step(1e3 * sigma_s, 1e-3);
+        uncertainty_of(document)["clock_offset_sigma_ms"] = value(sigma_ms);
+    })?;
+    replace(path, &edited).map_err(unreadable)
+}
+
 fn with_mount(text: &str, path: &Path, found: &FoundMount) -> Result<String, ConfigError> {
-    let file = |message: String| ConfigError::File { path: path.to_owned(), message };
-    Config::from_toml(text, path)?;
-    let mut document: DocumentMut =
-        text.parse().map_err(|error: toml_edit::TomlError| file(error.to_string()))?;
     let (roll, pitch, yaw) = found.body_from_lidar.rotation.euler_rad();
     let place = found.body_from_lidar.origin.coords;
     let mut mount = InlineTable::new();
     mount.insert("position_m", rounded([place.x, place.y, place.z], 1e-4));
     mount.insert("rotation_deg", rounded([roll, pitch, yaw].map(f64::to_degrees), 1e-4));
-    document["lidar"]["mount"] = value(mount);
-    let uncertainty = &mut document["surface"]["uncertainty"];
-    if uncertainty.is_none() {
-        *uncertainty = Item::Table(toml_edit::Table::new());
-    }
-    uncertainty["mount_position_sigma_m"] = value(to_step(found.position_sigma_m, 1e-4));
-    uncertainty["mount_rotation_sigma_deg"] =
-        value(to_step(found.rotation_sigma_rad.to_degrees(), 1e-3));
-    if let Some(surface) = document["surface"].as_table_mut() {
-        surface.set_implicit(surface.is_empty());
-    }
+    edited(text, path, |document| {
+        document["lidar"]["mount"] = value(mount);
+        let uncertainty = uncertainty_of(document);
+        uncertainty["mount_position_sigma_m"] = value(to_step(found.position_sigma_m, 1e-4));
+        uncertainty["mount_rotation_sigma_deg"] =
+            value(to_step(found.rotation_sigma_rad.to_degrees(), 1e-3));
+    })
+}
+
+fn edited(
+    text: &str,
+    path: &Path,
+    edit: impl FnOnce(&mut DocumentMut),
+) -> Result<String, ConfigError> {
+    let file = |message: String| ConfigError::File { path: path.to_owned(), message };
+    Config::from_toml(text, path)?;
+    let mut document: DocumentMut =
+        text.parse().map_err(|error: toml_edit::TomlError| file(error.to_string()))?;
+    edit(&mut document);
     let edited = document.to_string();
     // What was written must be what was meant.
     Config::from_toml(&edited, path)?;
     Ok(edited)
+}
+
+/// The table `[surface.uncertainty]`, made if it is missing.
+fn uncertainty_of(document: &mut DocumentMut) -> &mut Item {
+    let surface = document.entry("surface").or_insert_with(|| {
+        let mut surface = Table::new();
+        surface.set_implicit(true);
+        Item::Table(surface)
+    });
+    let uncertainty = &mut surface["uncertainty"];
+    if uncertainty.is_none() {
+        *uncertainty = Item::Table(Table::new());
+    }
+    uncertainty
 }
 
 fn rounded(values: [f64; 3], step: f64) -> Value {

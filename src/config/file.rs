@@ -185,6 +185,15 @@ pub struct LidarSection {
     pub min_range_m: f64,
     /// Longer returns are not trusted, m.
     pub max_range_m: f64,
+    /// Ranges come out longer by this, m: what a calibration has found.
+    #[serde(default)]
+    pub range_bias_m: f64,
+    /// Ranges come out longer by this times the distance.
+    #[serde(default)]
+    pub range_scale: f64,
+    /// Stamps come out later by this, ms.
+    #[serde(default)]
+    pub clock_offset_ms: f64,
     /// Sectors [from, to] of the beam angle that the own body hides, deg, −180 to 180.
     #[serde(default)]
     pub blind_sectors_deg: Vec<[f64; 2]>,

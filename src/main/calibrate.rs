@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use stockpilot::calibration::mount::{AXES, Found, Limits, MountCalibration};
 use stockpilot::config::{self, FoundMount};
-use stockpilot::survey::{MountOptions, calibrate_mount};
+use stockpilot::survey::{LidarCalibration, MountOptions, calibrate_mount};
 
 #[derive(Debug, Args)]
 pub(crate) struct CalibrateArgs {
@@ -18,6 +18,8 @@ pub(crate) struct CalibrateArgs {
 enum What {
     /// Where the LiDAR sits on the body and where it looks, from a flight along floor and walls.
     Lidar(LidarArgs),
+    /// How late the LiDAR's stamps come, from the same kind of flight: the faster it turns, the better.
+    Time(LidarArgs),
 }
 
 #[derive(Debug, Args)]
@@ -44,10 +46,14 @@ struct LidarArgs {
 pub(crate) fn run(args: &CalibrateArgs) -> anyhow::Result<ExitCode> {
     match &args.what {
         What::Lidar(args) => run_lidar(args),
+        What::Time(args) => run_time(args),
     }
 }
 
-fn run_lidar(args: &LidarArgs) -> anyhow::Result<ExitCode> {
+/// Stamps may be off by so much before their offset is known, s.
+const ANY_CLOCK_S: f64 = 0.05;
+
+fn calibration(args: &LidarArgs, clock_sigma_s: Option<f64>) -> anyhow::Result<LidarCalibration> {
     for sigma_m in [Some(args.wall_sigma_m), args.floor_sigma_m].into_iter().flatten() {
         anyhow::ensure!(sigma_m > 0.0 && sigma_m <= 1.0, "{sigma_m} m is no standard deviation");
     }
@@ -55,9 +61,60 @@ fn run_lidar(args: &LidarArgs) -> anyhow::Result<ExitCode> {
         hall_is_empty: args.empty,
         wall_sigma_m: args.wall_sigma_m,
         floor_sigma_m: args.floor_sigma_m,
+        clock_sigma_s,
         limits: Limits::default(),
     };
-    let found = calibrate_mount(&args.log, &options)?;
+    Ok(calibrate_mount(&args.log, &options)?)
+}
+
+#[derive(Debug, Serialize)]
+struct ClockLine {
+    clock_offset_ms: f64,
+    change_ms: f64,
+    sigma_ms: f64,
+    seen: bool,
+    halves_z: f64,
+    written: Option<PathBuf>,
+}
+
+#[expect(clippy::print_stdout, reason = "the program's output")]
+fn run_time(args: &LidarArgs) -> anyhow::Result<ExitCode> {
+    let LidarCalibration { mount, flown_with } = calibration(args, Some(ANY_CLOCK_S))?;
+    let Found { change, sigma, is_seen, halves_z } = mount.clock_offset_s;
+    let offset_s = flown_with.clock_offset_s + change;
+    let written = args.write.as_ref().filter(|_| is_seen);
+    if let Some(path) = written {
+        config::write_clock(path, offset_s, sigma)?;
+    }
+    if args.json {
+        let line = ClockLine {
+            clock_offset_ms: 1e3 * offset_s,
+            change_ms: 1e3 * change,
+            sigma_ms: 1e3 * sigma,
+            seen: is_seen,
+            halves_z,
+            written: written.cloned(),
+        };
+        println!("{}", serde_json::to_string(&line)?);
+    } else if is_seen {
+        println!(
+            "clock_offset_ms = {:.3}  # ± {:.3}, {:+.3} against the flight; halves differ by {:.1} σ",
+            1e3 * offset_s,
+            1e3 * sigma,
+            1e3 * change,
+            halves_z.abs()
+        );
+    } else {
+        println!(
+            "not seen: ± {:.1} ms; turn fast to and fro near walls, and climb and sink over the floor",
+            1e3 * sigma
+        );
+    }
+    Ok(if is_seen { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}
+
+fn run_lidar(args: &LidarArgs) -> anyhow::Result<ExitCode> {
+    let found = calibration(args, None)?.mount;
     if let Some(path) = &args.write {
         config::write_mount(path, &for_file(&found))?;
     }

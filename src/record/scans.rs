@@ -43,7 +43,8 @@ where
         };
         let Some(event) = brain.event(event) else { continue };
         if let Event::Scanned(scan) = &event {
-            waiting.push_back(scan.clone());
+            let known = &brain.pilot().settings().scan_correction;
+            waiting.push_back(scan.clone().corrected(known));
         }
         brain.step(event);
         while let Some(scan) = waiting.front() {

@@ -5,7 +5,7 @@ use crate::calibration::mount::{
 };
 use crate::calibration::planes;
 use crate::config::{Config, ConfigError};
-use crate::messages::Scan;
+use crate::messages::{Scan, ScanCorrection};
 use crate::pilot::Pilot;
 use crate::record::read_scans;
 use crate::record::replay::ReplayError;
@@ -20,7 +20,9 @@ pub struct MountOptions {
     pub wall_sigma_m: f64,
     /// How well the floor's level is known, m; as configured if left out.
     pub floor_sigma_m: Option<f64>,
-    /// How well the mounting must be known to count as seen.
+    /// How well the stamps are known against the poses, s; as configured if left out.
+    pub clock_sigma_s: Option<f64>,
+    /// How well all of it must be known to count as seen.
     pub limits: Limits,
 }
 
@@ -38,17 +40,26 @@ pub enum CalibrateError {
     Data(#[from] CalibrationError),
 }
 
+/// What was found, beside what the flight was flown with.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LidarCalibration {
+    /// The mounting.
+    pub mount: MountCalibration,
+    /// Corrections of ranges and stamps that were taken off already.
+    pub flown_with: ScanCorrection,
+}
+
 /// More beams of a turn say nothing new: they share its pose.
 const BEAMS_PER_TURN: usize = 200;
 
-/// Finds the mounting from a log.
+/// Finds the mounting, and the offset of the stamps, from a log.
 ///
 /// # Errors
 /// [`CalibrateError`].
 pub fn calibrate_mount(
     log: &Path,
     options: &MountOptions,
-) -> Result<MountCalibration, CalibrateError> {
+) -> Result<LidarCalibration, CalibrateError> {
     let mut found_config = None;
     let mut turns = Vec::new();
     let make_pilot = |toml: &str| -> Result<Pilot, ConfigError> {
@@ -76,8 +87,10 @@ pub fn calibrate_mount(
         position_sigma_m: known.mount_position_m,
         rotation_sigma_rad: known.mount_rotation_rad,
         range_bias_sigma_m: known.range_bias_m,
+        clock_sigma_s: options.clock_sigma_s.unwrap_or(known.clock_offset_s),
     };
-    Ok(mount::calibrate(&turns, &hall.planes(), &before, &options.limits)?)
+    let mount = mount::calibrate(&turns, &hall.planes(), &before, &options.limits)?;
+    Ok(LidarCalibration { mount, flown_with: settings.scan_correction })
 }
 
 /// The turn with the poses of its beams; `None` where they are not known.
@@ -93,5 +106,10 @@ fn placed(scan: &Scan, pilot: &Pilot) -> Option<PlacedTurn> {
     };
     let beams = scan.beams.iter().step_by(step).filter_map(beam).collect();
     let pose_cov = error.cov.fixed_view::<6, 6>(0, 0).into_owned();
-    error.is_finite().then_some(PlacedTurn { pose_cov, beams })
+    error.is_finite().then_some(PlacedTurn {
+        pose_cov,
+        velocity_mps: error.velocity_mps,
+        rate_radps: error.rate_radps,
+        beams,
+    })
 }

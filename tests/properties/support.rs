@@ -11,7 +11,7 @@ use stockpilot::localization::vision_fix;
 use stockpilot::mapping::projection::LidarMount;
 use stockpilot::mapping::region::{Rect, Region};
 use stockpilot::mapping::{self, field_map, grid_map, kalman_grid};
-use stockpilot::messages::{CameraId, TagDetection, TagDetections, TagFamily};
+use stockpilot::messages::{CameraId, ScanCorrection, TagDetection, TagDetections, TagFamily};
 use stockpilot::mission;
 use stockpilot::pilot::Settings;
 use stockpilot::planning::{self, PlannerKind};
@@ -140,6 +140,7 @@ pub(crate) fn settings() -> Settings {
         },
         mission: mission::Settings::default(),
         solve_interval: Duration::from_secs(2),
+        scan_correction: ScanCorrection::default(),
         report_interval: Duration::from_millis(500),
     }
 }

@@ -1,10 +1,18 @@
 //! An emulated sensor on a pseudo-terminal: firmware, transmitter and line.
 
 use super::uart::Uart;
-use super::{Device, LidarModel, LineCounts, LineFaults, Mishap, PtyLine, Scene, device};
+use super::{Device, Firmware, LidarModel, LineCounts, LineFaults, Mishap, PtyLine, Scene, device};
 use std::path::Path;
 use stockpilot::stats::SeedBook;
 use stockpilot::time::{Mono, Stamp};
+
+/// Full-speed USB, bit/s.
+const USB_SPEED: u32 = 12_000_000;
+
+/// How fast bytes leave the sensor, bit/s: a Hokuyo is plugged in by USB, whatever speed its port is set to.
+fn line_speed(model: &LidarModel) -> u32 {
+    if matches!(model.firmware, Firmware::Hokuyo(_)) { USB_SPEED } else { model.baud }
+}
 
 /// A sensor with its plug.
 #[derive(Debug)]
@@ -29,7 +37,7 @@ impl SerialLidar {
     ) -> std::io::Result<Self> {
         Ok(Self {
             device: device(model, seeds, now, is_running),
-            uart: Uart::new(model.baud),
+            uart: Uart::new(line_speed(model)),
             line: PtyLine::open(model.baud, faults, seeds)?,
             n_overrun: 0,
         })

@@ -27,10 +27,11 @@ fn a_recorded_flight_shows_how_the_lidar_is_mounted() {
         planner: Planner::Horizon,
         surface: Surface::MaternField,
         conditions: Conditions {
-            sigmas: CalibrationSigmas::default().only(&[ErrorSource::Mount]),
+            sigmas: CalibrationSigmas::default().only(&[ErrorSource::Mount, ErrorSource::Clock]),
             errors: CalibrationErrors {
                 mount_position_m: shift_m,
                 mount_rotation_rad: turn_deg.map(f64::to_radians),
+                clock_offset_s: 0.003,
                 ..CalibrationErrors::default()
             },
             ..Conditions::default()
@@ -46,9 +47,10 @@ fn a_recorded_flight_shows_how_the_lidar_is_mounted() {
         hall_is_empty: true,
         wall_sigma_m: 0.002,
         floor_sigma_m: Some(0.001),
+        clock_sigma_s: Some(0.05),
         limits: Limits::default(),
     };
-    let found = calibrate_mount(&log, &options).expect("a calibration");
+    let found = calibrate_mount(&log, &options).expect("a calibration").mount;
     println!("{found:?}");
     for (axis, seen) in found.axes.iter().enumerate() {
         let (expected, limit) = if axis < 3 {
@@ -62,4 +64,8 @@ fn a_recorded_flight_shows_how_the_lidar_is_mounted() {
         // Six numbers: one beyond 2 σ happens in every fourth flight, beyond 3 σ in every sixtieth.
         assert!(seen.halves_z.abs() < 3.0, "{}: {}", AXES[axis], seen.halves_z);
     }
+    let clock = found.clock_offset_s;
+    assert!(clock.is_seen, "{clock:?}");
+    let off_s = clock.change - 0.003;
+    assert!(off_s.abs() < 0.001 && off_s.abs() < 3.5 * clock.sigma, "{clock:?}");
 }

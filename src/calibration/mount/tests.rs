@@ -27,6 +27,7 @@ fn before() -> Before {
         position_sigma_m: 0.01,
         rotation_sigma_rad: 0.5_f64.to_radians(),
         range_bias_sigma_m: 0.002,
+        clock_sigma_s: 0.05,
     }
 }
 
@@ -55,6 +56,11 @@ fn ray_range_m(from: &Vector3<f64>, along: &Vector3<f64>) -> f64 {
     x.min(y).min(z)
 }
 
+/// The stamps come this late, s.
+const LATE_S: f64 = 0.004;
+/// Turns per second.
+const TURNS_HZ: f64 = 10.0;
+
 /// A flight of `n_turns` with headings from `yaw_rad`, its poses wrong by slow errors of a few millimetres.
 fn flight(
     truth: &Transform<Body, Lidar>,
@@ -64,26 +70,31 @@ fn flight(
 ) -> Vec<PlacedTurn> {
     let pose_sigma = (0.003, 0.0005);
     let mut slow = Vector6::zeros();
+    let at = |share: f64| {
+        let place =
+            Point::new(7.0 + 4.0 * (TAU * share).sin(), 6.0 + 3.0 * (2.0 * TAU * share).cos(), 3.0);
+        let attitude = Rotation::from_euler_rad(
+            0.03 * (40.0 * share).sin(),
+            0.03 * (31.0 * share).cos(),
+            yaw_rad(share),
+        );
+        Transform::<Hall, Body>::new(attitude, place)
+    };
+    let share_of_s = TURNS_HZ / f64::from(n_turns);
     (0..n_turns)
         .map(|turn| {
             let share = f64::from(turn) / f64::from(n_turns);
-            let place = Point::new(
-                7.0 + 4.0 * (TAU * share).sin(),
-                6.0 + 3.0 * (2.0 * TAU * share).cos(),
-                3.0,
-            );
-            let attitude = Rotation::from_euler_rad(
-                0.03 * (40.0 * share).sin(),
-                0.03 * (31.0 * share).cos(),
-                yaw_rad(share),
-            );
-            let pose = Transform::<Hall, Body>::new(attitude, place);
+            // Stamped now, measured a little before.
+            let (stamped, pose) = (at(share), at(share - LATE_S * share_of_s));
+            let ahead = at(share + 1e-3 * share_of_s);
+            let velocity_mps = (ahead.origin - stamped.origin).coords * 1e3;
+            let rate_radps = ahead.rotation.minus(&stamped.rotation) * 1e3;
             // Errors that last some turns.
             let fresh = Vector6::from_fn(|k, _| {
                 if k < 3 { pose_sigma.0 * noise.normal() } else { pose_sigma.1 * noise.normal() }
             });
             slow = slow * 0.8 + fresh * 0.6;
-            let believed = pose.perturbed(
+            let believed = stamped.perturbed(
                 &slow.fixed_rows::<3>(0).into_owned(),
                 &slow.fixed_rows::<3>(3).into_owned(),
             );
@@ -100,6 +111,8 @@ fn flight(
                 }
             });
             PlacedTurn {
+                velocity_mps,
+                rate_radps,
                 pose_cov: Matrix6::from_diagonal(&Vector6::new(
                     9e-6, 9e-6, 9e-6, 2.5e-7, 2.5e-7, 2.5e-7,
                 )),
@@ -130,9 +143,13 @@ fn a_turning_flight_shows_the_whole_mounting() {
             assert!(halves_z.abs() < 3.5, "seed {seed}, {}: {halves_z}", AXES[axis]);
             z.push((change - expected) / sigma);
         }
+        let clock = found.clock_offset_s;
+        let off_s = clock.change - LATE_S;
+        assert!(clock.is_seen && off_s.abs() < 3.5 * clock.sigma, "seed {seed}: {clock:?}");
+        z.push(off_s / clock.sigma);
         assert!(found.faces.iter().all(|face| face.n_beams > 100), "{:?}", found.faces);
     }
-    // The stated σ are the scatter: 36 numbers, a factor of 1.6 either way.
+    // The stated σ are the scatter: 42 numbers, a factor of 1.6 either way.
     let rms = (z.iter().map(|z| z * z).sum::<f64>() / z.len() as f64).sqrt();
     assert!((0.6..1.6).contains(&rms), "rms z {rms}: {z:?}");
 }
