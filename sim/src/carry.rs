@@ -19,7 +19,7 @@ use stockpilot::stats::{Noise, SeedBook};
 use stockpilot::time::{Mono, Stamp};
 
 /// How long the walk takes.
-const WALK: Duration = Duration::from_secs(240);
+const WALK: Duration = Duration::from_secs(330);
 /// Eyes of a person over the ground, m.
 const CARRIED_M: f64 = 1.6;
 /// The vehicle is turned around once in this time, s, and nods in this one.
@@ -92,19 +92,24 @@ fn frames(world: &World, camera: &CameraModel, seed: u64) -> Vec<TagDetections> 
     simulator.advance(world, end, |at| pose(world, at))
 }
 
-/// Once around near the walls, then around half way in; turning and nodding all the time.
+/// Around near the walls, around half way in, and around farther in; turning and nodding all the time.
 fn pose(world: &World, at: Stamp<Mono>) -> Transform<Hall, Body> {
     let t_s = at.seconds();
     let share = (t_s / WALK.as_secs_f64()).min(1.0);
     let (low, high) = (world.hall.min_m, world.hall.max_m);
-    let inset_m = if share < 0.5 { 1.2 } else { 0.27 * (high.x - low.x).min(high.y - low.y) };
+    let across_m = (high.x - low.x).min(high.y - low.y);
+    let inset_m = match 3.0 * share {
+        first if first < 1.0 => 1.2,
+        second if second < 2.0 => 0.27 * across_m,
+        _ => 0.38 * across_m,
+    };
     let corners = [
         [low.x + inset_m, low.y + inset_m],
         [high.x - inset_m, low.y + inset_m],
         [high.x - inset_m, high.y - inset_m],
         [low.x + inset_m, high.y - inset_m],
     ];
-    let along = 4.0 * (2.0 * share).fract();
+    let along = 4.0 * (3.0 * share).fract();
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 4")]
     let side = along.floor() as usize % 4;
     let (from, to, part) = (corners[side], corners[(side + 1) % 4], along.fract());
