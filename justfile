@@ -1,5 +1,5 @@
 # What CI runs, in its order; `.ci/run` does the same without `just`.
-default: fmt-check lint core test doc interop
+default: fmt-check lint core test doc interop browser
 
 # The code is formatted.
 fmt-check:
@@ -24,6 +24,10 @@ doc:
 # Programs that others wrote: readers of the log, pymavlink, MAVProxy, MAVSDK.
 interop:
     bash tests/interop/run target/interop target/debug target/tmp
+
+# The live page in Chromium during a flight; its screenshots are in target/browser-pictures.
+browser:
+    bash tests/browser/run target/browser target/debug target/browser-pictures
 
 # One simulated flight through the real service: `just fly --world piles --planner square-wave`.
 fly *ARGS:

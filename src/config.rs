@@ -20,6 +20,7 @@ mod load;
 mod markers;
 mod mesh_file;
 mod obstacles;
+mod page;
 mod published;
 mod security;
 
@@ -38,4 +39,5 @@ pub use load::load;
 pub use markers::{MarkersSection, PointSection, TagSection};
 pub use mesh_file::MeshContent;
 pub use obstacles::{FenceSection, ObstacleSection, SpaceSection};
+pub use page::PageSection;
 pub use security::SigningSection;

@@ -14,9 +14,10 @@
 //! | 6 | [`pilot`] | the brain: one event in, actions out, no I/O |
 //! | 7 | `link`, `lidar`, `camera`, `record` | feature `service`: the edges |
 //! | 7 | `figure` | feature `figures`, part of `service`: pictures of maps and curves |
-//! | 8 | `config` | the file, checked and turned into the settings of all of them |
-//! | 9 | `service`, `survey` | tasks, clock, supervision; after the flight: merged maps, changes, calibration |
-//! | 10 | `doctor` | before the flight: what is connected, judged, with cures |
+//! | 8 | `web` | the live page, its API and metrics |
+//! | 9 | `config` | the file, checked and turned into the settings of all of them |
+//! | 10 | `service`, `survey` | tasks, clock, supervision; after the flight: merged maps, changes, calibration |
+//! | 11 | `doctor` | before the flight: what is connected, judged, with cures |
 
 pub mod units;
 
@@ -54,6 +55,8 @@ pub mod record;
 pub mod service;
 #[cfg(feature = "service")]
 pub mod survey;
+#[cfg(feature = "service")]
+pub mod web;
 
 #[cfg(feature = "service")]
 pub mod doctor;

@@ -48,8 +48,13 @@ pub use session::{Session, SessionOutput};
 pub use settings::{Address, AddressError, Settings};
 pub use stats::LinkStats;
 
+use crate::messages::OperatorRequest;
+
 /// MAVLink component id of this service (`MAV_COMP_ID_ONBOARD_COMPUTER`).
 pub const OWN_COMPONENT: u8 = 191;
+
+/// Who asks by the own page: nobody on the wire has system 0.
+pub const PAGE: OperatorRequest = OperatorRequest { system: 0, component: OWN_COMPONENT };
 
 /// MAVLink component id of an autopilot (`MAV_COMP_ID_AUTOPILOT1`).
 pub const AUTOPILOT_COMPONENT: u8 = 1;

@@ -12,6 +12,8 @@ mod params;
 mod prior;
 #[path = "main/survey.rs"]
 mod survey;
+#[path = "main/watchdog.rs"]
+mod watchdog;
 
 use anyhow::Context;
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -285,13 +287,18 @@ async fn fly(config: &Config) -> anyhow::Result<ExitCode> {
     let around = Surroundings { clock: Clock::real(), stop: stop.clone(), waits_for_disk: false };
     let onboard = Box::pin(Onboard::start(config, around)).await?;
     tracing::info!(log = %onboard.log().display(), "recording");
+    if let Some(address) = onboard.page_addr() {
+        tracing::info!("live page: http://{address}/");
+    }
     tokio::select! {
         signal = wait_for_signal() => {
             signal?;
             tracing::info!("ending: the autopilot takes over by its own failsafe");
         }
         () = onboard.ended() => tracing::error!("the brain has stopped by itself"),
+        () = watchdog::feed(&onboard) => {}
     }
+    watchdog::stopping();
     onboard.stop();
     let stats = onboard.join().await?;
     tracing::info!(?stats, "ended");

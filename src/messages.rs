@@ -15,8 +15,8 @@ pub use budget::{BudgetRow, BudgetSource, SharedSensitivity, VolumeBudget};
 pub use camera::{CameraId, PointDetection, TagDetection, TagDetections, TagFamily};
 pub use imu::ImuSample;
 pub use map::{
-    DisturbedArea, GridGeometry, HeightMap, HitCounts, Mass, VolumeAccount, VolumeEstimate,
-    VolumeShares,
+    CellCoverage, DisturbedArea, GridGeometry, HeightMap, HitCounts, Mass, VolumeAccount,
+    VolumeEstimate, VolumeShares,
 };
 pub use nav::{
     FixOutcome, FixRecord, FixSource, NavEstimate, PoseError, TagSensitivity, Verdict, state,

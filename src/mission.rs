@@ -15,7 +15,7 @@ mod guards;
 mod machine;
 
 pub use energy::EnergyGauge;
-pub use guards::{PreflightFault, Settings};
+pub use guards::{PreflightCheck, PreflightFault, Settings};
 pub use machine::{Effect, Inputs, Mission};
 
 /// Where a flight stands.

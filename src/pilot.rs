@@ -14,12 +14,14 @@ mod event;
 mod flight_path;
 mod intake;
 mod job;
+mod outlook;
 mod plan_news;
 mod route;
 mod survey_plan;
 
 pub use event::{Action, Event, FlightSummary, JobId, PhaseChange, PlanChoice, VolumeReport};
 pub use job::{Job, JobOutput};
+pub use outlook::Outlook;
 
 use crate::geometry::{Hall, Point};
 use crate::localization::{self, Localizer};

@@ -5,7 +5,8 @@
 //!  camera task ──Event───┤                                    │
 //!  link transport ───────┼──▶ brain task: pilot + session ────┼──▶ recorder thread
 //!  jobs (other threads) ─┤        ▲                           │
-//!  Clock, 60 Hz ─────────┘        └── status (watch) ─────────┴──▶ displays
+//!  page: wishes ─────────┤        ├── status (watch), feed ───┴──▶ displays, page
+//!  Clock, 60 Hz ─────────┘
 //! ```
 //!
 //! Only the brain task speaks to the autopilot. It awaits nothing but its inputs: every output
@@ -29,6 +30,7 @@ use crate::link::transport::Transport;
 use crate::link::{self, Guard, Session};
 use crate::pilot::{Event, Pilot};
 use crate::time::{Mono, Stamp};
+use crate::web::{BrainEnd, Feed, Wish};
 use brain::Brain;
 use clock::Clock;
 use std::net::SocketAddr;
@@ -55,6 +57,8 @@ pub struct ServiceSetup {
     pub tags: mpsc::Receiver<Event>,
     /// Where every event and action goes, if anywhere.
     pub recorder: Option<Box<dyn Recorder>>,
+    /// Who shows the flight and passes on what people ask for there, if anybody.
+    pub page: Option<BrainEnd>,
 }
 
 /// Why a service did not start or did not end well.
@@ -88,7 +92,7 @@ impl Service {
     /// [`ServiceError::Link`] if the link's socket cannot be had, [`ServiceError::Signing`] if the
     /// link is to be signed and cannot.
     pub async fn start(setup: ServiceSetup) -> Result<RunningService, ServiceError> {
-        let ServiceSetup { pilot, link, clock, stop, scans, tags, recorder } = setup;
+        let ServiceSetup { pilot, link, clock, stop, scans, tags, recorder, page } = setup;
         let wall = clock.clone();
         let guard = Guard::open(&link.security, WallClock::new(move || wall.since_1970()))?;
         let start =
@@ -99,12 +103,19 @@ impl Service {
         let link_addr = transport.local_addr();
         let (status_tx, status) = watch::channel(ServiceStatus::default());
         let session = Session::new(link);
-        let brain = Brain::new(pilot, session, clock, transport, recorder, status_tx);
+        let (feed, wishes) = page.map_or_else(without_page, |end| (Some(end.feed), end.wishes));
+        let witnesses = brain::Witnesses { recorder, status_tx, feed };
+        let brain = Brain::new(pilot, session, clock, transport, witnesses);
         let last_tick = brain.last_tick();
-        let inputs = brain::Inputs { scans, tags };
+        let inputs = brain::Inputs { scans, tags, wishes };
         let task = tokio::spawn(brain.run(inputs, stop.clone()));
         Ok(RunningService { status, last_tick, stop, link_addr, task })
     }
+}
+
+/// Nobody looks and nobody asks: a channel whose other end is gone.
+fn without_page() -> (Option<Feed>, mpsc::Receiver<Wish>) {
+    (None, mpsc::channel(1).1)
 }
 
 /// A service at work.
@@ -134,6 +145,12 @@ impl RunningService {
     #[must_use]
     pub const fn link_addr(&self) -> Option<SocketAddr> {
         self.link_addr
+    }
+
+    /// Somebody has asked for the end.
+    #[must_use]
+    pub fn is_ending(&self) -> bool {
+        self.stop.is_cancelled()
     }
 
     /// Asks the service to end; the vehicle is left to the autopilot's failsafe.

@@ -16,11 +16,13 @@ use crate::scenario::Scenario;
 use anyhow::{Context, bail};
 use mavlink::dialects::ardupilotmega::MavMessage;
 use mavlink::{MAVLinkV2MessageRaw, MavHeader, MavlinkReader};
+use std::io::{Read as _, Write as _};
 use std::net::{SocketAddr, UdpSocket};
+use std::os::unix::fs::OpenOptionsExt as _;
 use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
-use stockpilot::config::Config;
+use stockpilot::config::{Config, PageSection};
 use stockpilot::pilot::FlightSummary;
 use stockpilot::service::clock::{Clock, ClockDriver};
 use stockpilot::service::onboard::{Onboard, Surroundings};
@@ -39,10 +41,23 @@ pub struct FlyOptions {
     pub shows_progress: bool,
     /// Where a ground station may speak to the autopilot, instead of the operator within.
     pub ground: Option<String>,
+    /// Serve the live page.
+    pub page: Option<PageOptions>,
+}
+
+/// How a flight is shown.
+#[derive(Debug, Clone)]
+pub struct PageOptions {
+    /// Address and port; port 0 for a free one.
+    pub listen: String,
+    /// Nobody starts the flight but the page, and the page stays until the program is ended.
+    pub waits: bool,
 }
 
 /// A flight that has not ended by then will not end by itself.
 const LONGEST_FLIGHT: Duration = Duration::from_secs(900);
+/// A page that waits for somebody waits for a working day of flight time.
+const LONGEST_WAIT: Duration = Duration::from_secs(8 * 3_600);
 /// The rig moves by one inertial sample.
 const STEP: Duration = Duration::from_millis(5);
 /// The brain may be this much behind the simulation: two of its ticks.
@@ -67,14 +82,20 @@ pub fn run(scenario: &Scenario, options: &FlyOptions) -> anyhow::Result<RunRepor
     devices.pictures = scenario.camera.pictures.map(|_| PictureLine::new(sockets.path()));
     let mut config = config(scenario, devices.addresses(&options.directory)?);
     config.filter.capture_sigma_s = CLOCKS_SIGMA_S;
+    let token = options.page.as_ref().map(|page| open_page(page, &mut config)).transpose()?;
     let stop = CancellationToken::new();
-    let around = Surroundings { clock, stop, waits_for_disk: true };
+    let around = Surroundings { clock, stop: stop.clone(), waits_for_disk: true };
     let onboard = runtime.block_on(Onboard::start(&config, around))?;
+    if let Some(token) = token {
+        announce_page(&onboard, &token)?;
+        runtime.spawn(end_by_signal(stop));
+    }
     write_config(&config, onboard.log())?;
     devices.connect(&onboard)?;
     let log = onboard.log().to_owned();
     let operator = match &options.ground {
         Some(address) => announced(Operator::at_station(address)?),
+        None if options.page.as_ref().is_some_and(|page| page.waits) => Operator::looking_on(),
         None => Operator::default(),
     };
     let mut rig = scenario.rig();
@@ -88,7 +109,10 @@ pub fn run(scenario: &Scenario, options: &FlyOptions) -> anyhow::Result<RunRepor
         driver,
         pace: Pace::new(options.speed),
     };
-    let outcome = flight.fly(&onboard, options);
+    let mut outcome = flight.fly(&onboard, options);
+    if options.page.as_ref().is_some_and(|page| page.waits) {
+        outcome = outcome.and_then(|summary| flight.stay(&onboard, summary));
+    }
     let load = meter.read(flight.rig.now().since(Stamp::ZERO));
     let (beams_sent, beams_dropped) = flight.beams_sent_and_dropped(&onboard);
     onboard.stop();
@@ -103,6 +127,47 @@ pub fn run(scenario: &Scenario, options: &FlyOptions) -> anyhow::Result<RunRepor
         load: Some(load),
     };
     Ok(RunReport::new(scenario, &flight.rig, &measured, Some(log)))
+}
+
+/// Switches the page on, with a token of this flight's own beside the log; gives the token.
+fn open_page(page: &PageOptions, config: &mut Config) -> anyhow::Result<String> {
+    let directory = &config.log.directory;
+    std::fs::create_dir_all(directory)
+        .with_context(|| format!("cannot make {}", directory.display()))?;
+    let mut secret = [0_u8; 16];
+    std::fs::File::open("/dev/urandom").and_then(|mut source| source.read_exact(&mut secret))?;
+    let token: String = secret.iter().map(|byte| format!("{byte:02x}")).collect();
+    let path = directory.join("page.token");
+    let open =
+        std::fs::OpenOptions::new().write(true).create(true).truncate(true).mode(0o600).open(&path);
+    open.and_then(|mut file| file.write_all(token.as_bytes()))
+        .with_context(|| format!("cannot write {}", path.display()))?;
+    config.page = PageSection {
+        enabled: true,
+        listen: page.listen.clone(),
+        token_file: Some(path),
+        ..PageSection::default()
+    };
+    Ok(token)
+}
+
+/// Tells where the page is as the first line of the output, with the token of this simulation.
+#[expect(clippy::print_stdout, reason = "the program's output")]
+fn announce_page(onboard: &Onboard, token: &str) -> anyhow::Result<()> {
+    let address = onboard.page_addr().context("the live page could not be served")?;
+    println!("{{\"page\":\"http://{address}/\",\"token\":\"{token}\"}}");
+    Ok(())
+}
+
+/// Ends the flight at the first SIGINT or SIGTERM.
+async fn end_by_signal(stop: CancellationToken) {
+    use tokio::signal::unix::{SignalKind, signal};
+    let Ok(mut terminate) = signal(SignalKind::terminate()) else { return };
+    tokio::select! {
+        _ = tokio::signal::ctrl_c() => {}
+        _ = terminate.recv() => {}
+    }
+    stop.cancel();
 }
 
 /// Tells the ground station's address as the first line of the output.
@@ -260,10 +325,14 @@ struct Flight {
 
 impl Flight {
     fn fly(&mut self, onboard: &Onboard, options: &FlyOptions) -> anyhow::Result<FlightSummary> {
-        let limit = Stamp::ZERO.plus(LONGEST_FLIGHT);
+        // A person at the page may take their time.
+        let waits = options.page.as_ref().is_some_and(|page| page.waits);
+        let longest = if waits { LONGEST_WAIT } else { LONGEST_FLIGHT };
+        let limit = Stamp::ZERO.plus(longest);
         let status = onboard.status();
         let mut next_progress = Stamp::ZERO;
         while self.rig.now() < limit {
+            anyhow::ensure!(!onboard.is_ending(), "ended before the landing");
             self.step()?;
             self.pace.wait_for_brain(self.rig.now(), onboard);
             if let Some(pictures) = &mut self.devices.pictures {
@@ -282,6 +351,24 @@ impl Flight {
             LONGEST_FLIGHT.as_secs(),
             self.operator.texts,
         )
+    }
+
+    /// Goes on after the landing, for more flights, until the program is ended; gives the last
+    /// flight.
+    fn stay(
+        &mut self,
+        onboard: &Onboard,
+        mut last: FlightSummary,
+    ) -> anyhow::Result<FlightSummary> {
+        let status = onboard.status();
+        while !onboard.is_ending() {
+            self.step()?;
+            self.pace.wait_for_brain(self.rig.now(), onboard);
+            if let Some(summary) = status.borrow().flight.clone() {
+                last = summary;
+            }
+        }
+        Ok(last)
     }
 
     /// 5 ms of flight.

@@ -11,8 +11,8 @@ use std::path::PathBuf;
 use stockpilot::config::{
     BaySection, CameraSection, Config, DetectorSection, ExternalSection, FilterSection,
     HallSection, ImagesSection, LensName, LidarSection, LinkSection, LogSection, MarkersSection,
-    MissionSection, MountSection, ObstacleSection, PlanningSection, RectSection, SourceName,
-    SurfaceSection, TagSection, UncertaintySection,
+    MissionSection, MountSection, ObstacleSection, PageSection, PlanningSection, RectSection,
+    SourceName, SurfaceSection, TagSection, UncertaintySection,
 };
 use stockpilot::geometry::{Body, Camera, Frame, Rotation, Transform};
 
@@ -82,6 +82,7 @@ pub fn config(scenario: &Scenario, devices: Devices) -> Config {
         },
         mission: MissionSection::default(),
         log: LogSection { directory: devices.log_directory },
+        page: PageSection { enabled: false, ..PageSection::default() },
         detections: devices.detections,
         detector: DetectorSection::default(),
         cameras: vec![camera(&scenario.camera, devices.pictures)],

@@ -16,7 +16,7 @@ use stockpilot_sim::carry::carry;
 use stockpilot_sim::comparison::{self, ComparisonArgs};
 use stockpilot_sim::consistency::{self, ConsistencyArgs};
 use stockpilot_sim::faults::{self, FaultsArgs};
-use stockpilot_sim::fly::{self, FlyOptions};
+use stockpilot_sim::fly::{self, FlyOptions, PageOptions};
 use stockpilot_sim::lidar_command::{self, LidarArgs};
 use stockpilot_sim::paper::{self, PaperArgs};
 use stockpilot_sim::parallel::{n_cores, run_in_order};
@@ -99,6 +99,13 @@ struct FlyArgs {
     /// 0 for a free one); the address is the first line of the output.
     #[arg(long, value_name = "ADDRESS")]
     ground: Option<String>,
+    /// Serve the live page at this address (`HOST:PORT`, port 0 for a free one); address and token are
+    /// the first line of the output.
+    #[arg(long, value_name = "ADDRESS")]
+    page: Option<String>,
+    /// Nobody starts the flight but the page, which stays after the landing until Ctrl-C.
+    #[arg(long, requires = "page")]
+    wait: bool,
 }
 
 #[derive(Debug, Args)]
@@ -144,6 +151,7 @@ fn run_fly(args: &FlyArgs) -> anyhow::Result<ExitCode> {
         directory: args.log.clone(),
         shows_progress: true,
         ground: args.ground.clone(),
+        page: args.page.clone().map(|listen| PageOptions { listen, waits: args.wait }),
     };
     let run = fly::run(&scenario, &options)?;
     if args.json {

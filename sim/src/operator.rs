@@ -64,6 +64,12 @@ impl Operator {
         Ok((Self { station, ..Self::default() }, local))
     }
 
+    /// Hears everything and starts nothing: somebody else does.
+    #[must_use]
+    pub fn looking_on() -> Self {
+        Self { is_start_acknowledged: true, ..Self::default() }
+    }
+
     /// Sends one of the user commands with the next step; nobody looks after it.
     pub fn ask(&mut self, command: MavCmd) {
         self.wishes.push(command);

@@ -16,7 +16,7 @@ use crate::planning::external::ExternalSettings;
 use crate::planning::trajectory::Limits;
 use crate::planning::{self, PlannerKind};
 use crate::units::rad_from_deg;
-use crate::{camera, lidar, link, mission, pilot};
+use crate::{camera, lidar, link, mission, pilot, web};
 use std::time::Duration;
 
 /// Variance of the filter's pose over that of one fix: 20 frames a second, each believed for about
@@ -138,6 +138,14 @@ impl Config {
         let image_sizes_px =
             intrinsics.map(|found| found.map(|i| i.size_px)).collect::<Result<_, _>>()?;
         Ok(camera::Settings { address, image_sizes_px })
+    }
+
+    /// How the live page is served; `None` if it is not.
+    ///
+    /// # Errors
+    /// A malformed address or name, or a target out of range.
+    pub fn page_settings(&self) -> Result<Option<web::Settings>, ConfigError> {
+        self.page.settings()
     }
 
     /// The effective configuration as TOML.

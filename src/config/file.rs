@@ -5,6 +5,7 @@ use super::cameras::CameraSection;
 use super::images::DetectorSection;
 use super::markers::{MarkersSection, PointSection, TagSection};
 use super::obstacles::{FenceSection, ObstacleSection, SpaceSection};
+use super::page::PageSection;
 use super::security::SigningSection;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -35,6 +36,9 @@ pub struct Config {
     /// The flight log.
     #[serde(default)]
     pub log: LogSection,
+    /// The live page.
+    #[serde(default)]
+    pub page: PageSection,
     /// Address where marker detections come in: `udp:HOST:PORT`, `unix:PATH` or
     /// `unix-stream:PATH`.
     #[serde(default = "default_detections")]

@@ -130,6 +130,7 @@ impl Examination<'_> {
             scans,
             tags,
             recorder: None,
+            page: None,
         };
         let service = Service::start(setup).await;
         let lidar_status = driver.as_ref().ok().map(Driver::status);

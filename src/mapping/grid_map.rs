@@ -238,6 +238,7 @@ impl SolveGrid {
         Ok(SolvedSurface {
             accounts,
             surface,
+            coverage: self.seen.coverage(self.gp.length_scale_m),
             n_beams_refused: 0,
             disturbed: Vec::new(),
             newest: None,

@@ -15,7 +15,8 @@ use super::sparse_gp::GpError;
 use super::volume::Base;
 use crate::geometry::{Body, Hall, Transform};
 use crate::messages::{
-    Beam, DisturbedArea, GridGeometry, HeightMap, HitCounts, PoseError, Scan, VolumeAccount,
+    Beam, CellCoverage, DisturbedArea, GridGeometry, HeightMap, HitCounts, PoseError, Scan,
+    VolumeAccount,
 };
 use crate::time::{Mono, Stamp};
 use nalgebra::{Matrix6, Vector3};
@@ -416,6 +417,8 @@ pub struct SolvedSurface {
     pub accounts: Vec<VolumeAccount>,
     /// The surface; its σ is the cells' own where the marginals were not asked for.
     pub surface: HeightMap,
+    /// How each cell of the surface is known.
+    pub coverage: Vec<CellCoverage>,
     /// Beams that hit something, but not the surface: dust, edges, machines.
     pub n_beams_refused: u64,
     /// Ground that something has covered or changed since it was last seen, the largest area first.

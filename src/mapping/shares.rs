@@ -2,7 +2,7 @@
 //! something moved.
 
 use super::disturbance::Flagged;
-use crate::messages::{GridGeometry, VolumeShares};
+use crate::messages::{CellCoverage, GridGeometry, VolumeShares};
 use std::collections::VecDeque;
 
 /// Seen cells reach this far into what lies between them, in practical ranges of the material: at
@@ -74,21 +74,28 @@ impl SeenCells {
     fn sums(&self, areas_m2: &[f64], weight: impl Fn(usize) -> f64, range_m: f64) -> [f64; 4] {
         let mut sums = [0.0; 4];
         for (cell, area_m2) in areas_m2.iter().enumerate() {
-            sums[self.state(cell, range_m)] += area_m2 * weight(cell);
+            sums[self.state(cell, range_m) as usize] += area_m2 * weight(cell);
         }
         sums
     }
 
-    /// 0: measured, 1: interpolated, 2: unseen, 3: disturbed.
-    fn state(&self, cell: usize, range_m: f64) -> usize {
+    /// How each cell is known, for a material with this practical range, m.
+    #[must_use]
+    pub fn coverage(&self, range_m: f64) -> Vec<CellCoverage> {
+        (0..self.steps.len()).map(|cell| self.state(cell, range_m)).collect()
+    }
+
+    fn state(&self, cell: usize, range_m: f64) -> CellCoverage {
         if self.disturbed.contains(cell) {
-            return 3;
+            return CellCoverage::Disturbed;
         }
         match self.steps[cell] {
-            0 => 0,
-            u32::MAX => 2,
-            steps if f64::from(steps) * self.cell_m <= INTERPOLATED_RANGES * range_m => 1,
-            _ => 2,
+            0 => CellCoverage::Measured,
+            u32::MAX => CellCoverage::Unseen,
+            steps if f64::from(steps) * self.cell_m <= INTERPOLATED_RANGES * range_m => {
+                CellCoverage::Interpolated
+            }
+            _ => CellCoverage::Unseen,
         }
     }
 }
@@ -113,6 +120,10 @@ mod tests {
         assert!((by_area.measured_ratio - 2.0 / 9.0).abs() < 1e-12);
         assert!((by_area.interpolated_ratio - 2.0 / 9.0).abs() < 1e-12);
         assert!((by_area.unseen_ratio - 5.0 / 9.0).abs() < 1e-12);
+        use CellCoverage::{Interpolated, Measured, Unseen};
+        let known = [Measured, Measured, Interpolated, Interpolated];
+        assert_eq!(seen.coverage(2.0)[..4], known);
+        assert!(seen.coverage(2.0)[4..].iter().all(|state| *state == Unseen));
         // 3 m over the hit cells, 1 m elsewhere, a hole that counts as empty: 6 of 12.
         let thickness_m = [3.0, 3.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, -4.0];
         let by_volume = seen.shares(&areas_m2, &thickness_m, 2.0);

@@ -99,6 +99,19 @@ pub struct HeightMap {
     pub disturbed_cells: Vec<usize>,
 }
 
+/// How the height of a cell is known. The order is that of [`VolumeShares`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum CellCoverage {
+    /// A beam has hit it.
+    Measured,
+    /// It lies near cells that a beam has hit.
+    Interpolated,
+    /// Nothing was seen near it.
+    Unseen,
+    /// Something has moved in it since it was seen.
+    Disturbed,
+}
+
 /// Ground that something has covered or changed since it was last seen.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DisturbedArea {

@@ -44,6 +44,14 @@ impl EnergyGauge {
         is_known.then(|| used_ratio / flown_s * seconds)
     }
 
+    /// Seconds until the charge is down to `ratio`, at the consumption so far; `None` while that is
+    /// not known.
+    #[must_use]
+    pub fn seconds_until(&self, ratio: f64) -> Option<f64> {
+        let left_ratio = (self.newest?.charge_ratio - ratio).max(0.0);
+        Some(left_ratio / self.charge_for(1.0)?)
+    }
+
     /// Metres until the charge is down to `reserve_ratio`, at the consumption per metre so far;
     /// `None` while that is not known.
     ///

@@ -123,35 +123,112 @@ pub enum PreflightFault {
     NoPlan,
 }
 
+/// One line of the list that is gone through before the motors turn.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PreflightCheck {
+    /// What is looked at.
+    pub subject: &'static str,
+    /// What was found, with its unit.
+    pub found: String,
+    /// Why it forbids the take-off, if it does.
+    pub fault: Option<PreflightFault>,
+}
+
 /// Everything that forbids a take-off, what to look at first in front.
 pub(super) fn preflight_faults(inputs: &Inputs, settings: &Settings) -> Vec<PreflightFault> {
-    let Some(vehicle) = inputs.vehicle else { return vec![PreflightFault::NoAutopilot] };
-    let needed_percent = settings.min_take_off_battery_ratio * 100.0;
-    let battery = match inputs.battery_ratio {
-        None => Some(PreflightFault::BatteryUnknown),
-        Some(ratio) if ratio < settings.min_take_off_battery_ratio => {
-            Some(PreflightFault::BatteryLow { percent: ratio * 100.0, needed_percent })
-        }
-        Some(_) => None,
+    preflight_checks(inputs, settings).into_iter().filter_map(|check| check.fault).collect()
+}
+
+/// The whole list with what was measured, what to look at first in front.
+///
+/// Without an autopilot it has one line: all others would repeat that nothing is known.
+pub(super) fn preflight_checks(inputs: &Inputs, settings: &Settings) -> Vec<PreflightCheck> {
+    let check = |subject, found: String, fault: Option<PreflightFault>| PreflightCheck {
+        subject,
+        found,
+        fault,
     };
-    let heading_error_rad = inputs.heading_error_rad.unwrap_or(0.0);
-    let heading = PreflightFault::Heading { degrees: heading_error_rad.to_degrees() };
+    let Some(vehicle) = inputs.vehicle else {
+        return vec![check("autopilot", "silent".to_owned(), Some(PreflightFault::NoAutopilot))];
+    };
+    let line =
+        |subject, fails: bool, fault, found: String| check(subject, found, fails.then_some(fault));
+    let word = |fails: bool, bad: &str, good: &str| (if fails { bad } else { good }).to_owned();
+    let off = |number: Option<f64>, unit: &str| {
+        number.map_or_else(|| "unknown".to_owned(), |n| format!("{n:.0}{unit} off"))
+    };
+    let heading_deg = inputs.heading_error_rad.map(f64::to_degrees);
+    let is_turned = heading_deg
+        .is_some_and(|degrees| degrees.abs() > settings.max_heading_error_rad.to_degrees());
+    let heading = PreflightFault::Heading { degrees: heading_deg.unwrap_or(0.0) };
     let metres = inputs.disagreement_m.unwrap_or(0.0);
-    let checks = [
-        (inputs.is_autopilot_lost, PreflightFault::NoAutopilot),
-        (!vehicle.is_ready, PreflightFault::NotReady),
-        (vehicle.is_contested, PreflightFault::SecondAutopilot),
-        (vehicle.in_failsafe, PreflightFault::InFailsafe),
-        (vehicle.is_armed, PreflightFault::ArmedAlready),
-        (vehicle.landed != LandedState::OnGround, PreflightFault::NotOnGround),
-        (!inputs.has_position, PreflightFault::NoPosition),
-        (metres > settings.max_disagreement_m, PreflightFault::Disagreement { metres }),
-        (heading_error_rad.abs() > settings.max_heading_error_rad, heading),
-        (!inputs.has_lidar, PreflightFault::NoLidar),
-        (!inputs.has_plan, PreflightFault::NoPlan),
-    ];
-    let failing = checks.into_iter().filter(|(fails, _)| *fails).map(|(_, fault)| fault);
-    failing.chain(battery).collect()
+    let is_elsewhere = metres > settings.max_disagreement_m;
+    let is_lost = inputs.is_autopilot_lost;
+    let is_standing = vehicle.landed == LandedState::OnGround;
+    let sigma = inputs.position_sigma_m.map_or_else(
+        || "unknown".to_owned(),
+        |sigma_m| format!("1-sigma {:.1} cm", 100.0 * sigma_m),
+    );
+    let has_lidar = inputs.has_lidar;
+    use PreflightFault as Fault;
+    vec![
+        line("autopilot", is_lost, Fault::NoAutopilot, word(is_lost, "silent", "heard")),
+        line(
+            "its start",
+            !vehicle.is_ready,
+            Fault::NotReady,
+            word(!vehicle.is_ready, "starting up", "done"),
+        ),
+        line(
+            "other autopilots",
+            vehicle.is_contested,
+            Fault::SecondAutopilot,
+            word(vehicle.is_contested, "one heard", "none"),
+        ),
+        line(
+            "failsafe",
+            vehicle.in_failsafe,
+            Fault::InFailsafe,
+            word(vehicle.in_failsafe, "active", "none"),
+        ),
+        line(
+            "motors",
+            vehicle.is_armed,
+            Fault::ArmedAlready,
+            word(vehicle.is_armed, "armed", "disarmed"),
+        ),
+        line(
+            "stand",
+            !is_standing,
+            Fault::NotOnGround,
+            word(!is_standing, "not said", "on the ground"),
+        ),
+        line("position", !inputs.has_position, Fault::NoPosition, sigma),
+        line(
+            "autopilot's position",
+            is_elsewhere,
+            Fault::Disagreement { metres },
+            off(inputs.disagreement_m.map(|m| 100.0 * m), " cm"),
+        ),
+        line("heading", is_turned, heading, off(heading_deg.map(f64::abs), "°")),
+        line("LiDAR", !has_lidar, Fault::NoLidar, word(!has_lidar, "silent", "measuring")),
+        line("waypoints", !inputs.has_plan, Fault::NoPlan, word(!inputs.has_plan, "none", "found")),
+        battery_check(inputs, settings),
+    ]
+}
+
+fn battery_check(inputs: &Inputs, settings: &Settings) -> PreflightCheck {
+    let needed_percent = settings.min_take_off_battery_ratio * 100.0;
+    let (found, fault) = match inputs.battery_ratio {
+        None => ("unknown".to_owned(), Some(PreflightFault::BatteryUnknown)),
+        Some(ratio) => {
+            let percent = ratio * 100.0;
+            let is_low = ratio < settings.min_take_off_battery_ratio;
+            let fault = PreflightFault::BatteryLow { percent, needed_percent };
+            (format!("{percent:.0} %"), is_low.then_some(fault))
+        }
+    };
+    PreflightCheck { subject: "battery", found, fault }
 }
 
 /// What was measured before the start, for people.

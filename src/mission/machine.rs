@@ -1,7 +1,7 @@
 //! The transition machine.
 
 use super::Phase;
-use super::guards::{Settings, preflight_faults, preflight_line};
+use super::guards::{PreflightCheck, Settings, preflight_checks, preflight_faults, preflight_line};
 use crate::messages::{
     FlightMode, LandedState, OperatorVerb, Severity, TAKE_OFF_HEIGHT_M, TakeOff, VehicleCommand,
     VehicleState,
@@ -202,6 +202,18 @@ impl Mission {
         }
         self.enter(wanted, "operator", inputs.now, effects);
         true
+    }
+
+    /// What is gone through before the motors turn, as it stands.
+    #[must_use]
+    pub fn preflight_checks(&self, inputs: &Inputs) -> Vec<PreflightCheck> {
+        preflight_checks(inputs, &self.settings)
+    }
+
+    /// Charge at which the vehicle turns home by itself, 0 to 1.
+    #[must_use]
+    pub fn turns_home_at_ratio(&self, inputs: &Inputs) -> f64 {
+        self.return_at_ratio(inputs)
     }
 
     /// Looks at the facts and goes on if they ask for it.

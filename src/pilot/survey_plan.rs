@@ -96,6 +96,10 @@ impl SurveyPlan {
         &self.settings
     }
 
+    pub(super) fn free_space(&self) -> Arc<FreeSpace> {
+        Arc::clone(&self.free_space)
+    }
+
     pub(super) const fn ahead(&self) -> &VecDeque<Waypoint> {
         &self.ahead
     }

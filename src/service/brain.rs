@@ -7,10 +7,11 @@ use super::external_planner;
 use super::recorder::Recorder;
 use super::status::{ServiceStats, ServiceStatus};
 use crate::link::transport::{Outgoing, Received, Transport};
-use crate::link::{Session, SessionOutput};
-use crate::messages::Severity;
+use crate::link::{PAGE, Session, SessionOutput};
+use crate::messages::{OperatorAnswer, Severity};
 use crate::pilot::{Action, Event, Job, JobId, JobOutput, Pilot};
 use crate::time::{Mono, Stamp};
+use crate::web::{Feed, Pulse, Wish};
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, Ordering};
@@ -33,6 +34,15 @@ const WARN_OF_REFUSALS_EVERY: Duration = Duration::from_secs(10);
 pub(super) struct Inputs {
     pub(super) scans: mpsc::Receiver<Event>,
     pub(super) tags: mpsc::Receiver<Event>,
+    /// What people ask for on the own page.
+    pub(super) wishes: mpsc::Receiver<Wish>,
+}
+
+/// Who is told what the brain does.
+pub(super) struct Witnesses {
+    pub(super) recorder: Option<Box<dyn Recorder>>,
+    pub(super) status_tx: watch::Sender<ServiceStatus>,
+    pub(super) feed: Option<Feed>,
 }
 
 /// Something that happened to the brain's task.
@@ -41,6 +51,7 @@ enum Happening {
     TickDue,
     Arrived(Received),
     Sensed(Event),
+    Wished(Wish),
     JobEnded(Result<(JobId, JobOutput), JoinError>),
 }
 
@@ -58,6 +69,9 @@ pub(super) struct Brain {
     out: SessionOutput,
     status: ServiceStatus,
     status_tx: watch::Sender<ServiceStatus>,
+    feed: Option<Feed>,
+    /// Who waits for the mission's answers to the own page, in their order.
+    wished: VecDeque<Wish>,
     last_tick: Arc<AtomicI64>,
     warned: (Stamp<Mono>, u64),
     /// When refused frames were told of last, and how many there were then.
@@ -71,10 +85,10 @@ impl Brain {
         session: Session,
         clock: Clock,
         transport: Transport,
-        recorder: Option<Box<dyn Recorder>>,
-        status_tx: watch::Sender<ServiceStatus>,
+        witnesses: Witnesses,
     ) -> Self {
         let now = clock.now();
+        let Witnesses { recorder, status_tx, feed } = witnesses;
         Self {
             pilot,
             session,
@@ -87,6 +101,8 @@ impl Brain {
             out: SessionOutput::default(),
             status: ServiceStatus::default(),
             status_tx,
+            feed,
+            wished: VecDeque::new(),
             last_tick: Arc::new(AtomicI64::new(now.nanos())),
             warned: (now, 0),
             warned_of_refusals: None,
@@ -108,6 +124,7 @@ impl Brain {
                 Happening::TickDue => self.tick(&mut inputs),
                 Happening::Arrived(received) => self.arrived(&received),
                 Happening::Sensed(event) => self.events.push_back(event),
+                Happening::Wished(wish) => self.wished(wish),
                 Happening::JobEnded(result) => self.job_ended(result),
             }
             self.work_off();
@@ -121,6 +138,7 @@ impl Brain {
             () = stop.cancelled() => Happening::Stopped,
             () = self.clock.sleep_until(self.ticker.due()) => Happening::TickDue,
             Some(result) = self.jobs.join_next() => Happening::JobEnded(result),
+            Some(wish) = inputs.wishes.recv() => Happening::Wished(wish),
             Some(received) = self.transport.received.recv() => Happening::Arrived(received),
             Some(event) = inputs.scans.recv() => Happening::Sensed(event),
             Some(event) = inputs.tags.recv() => Happening::Sensed(event),
@@ -156,6 +174,25 @@ impl Brain {
         let Received { header, message, arrived } = received;
         self.session.on_message(header, message, *arrived, &mut self.out);
         self.take_output();
+    }
+
+    /// A person's wish goes the same way as one from the ground station.
+    fn wished(&mut self, wish: Wish) {
+        match self.session.on_own_wish(wish.verb, self.clock.now()) {
+            Some(event) => {
+                self.events.push_back(event);
+                self.wished.push_back(wish);
+            }
+            None => wish.answer(false, self.pilot.phase()),
+        }
+    }
+
+    /// The mission's answer to the oldest wish from the own page.
+    fn answer_page(&mut self, answer: &OperatorAnswer, now: Stamp<Mono>) {
+        let is_accepted = self.session.own_answer(answer, now);
+        if let Some(wish) = self.wished.pop_front() {
+            wish.answer(is_accepted, self.pilot.phase());
+        }
     }
 
     fn job_ended(&mut self, result: Result<(JobId, JobOutput), JoinError>) {
@@ -211,8 +248,18 @@ impl Brain {
         }
         self.session.on_action(&action, now, &mut self.out);
         self.take_output();
-        if let Action::Start { id, job } = action {
-            self.start(id, job);
+        match action {
+            Action::Start { id, job } => self.start(id, job),
+            other => {
+                if let Action::Answer(answer) = &other
+                    && answer.to == PAGE
+                {
+                    self.answer_page(answer, now);
+                }
+                if let Some(feed) = &self.feed {
+                    feed.action(now, other);
+                }
+            }
         }
     }
 
@@ -227,6 +274,9 @@ impl Brain {
     }
 
     fn witness_event(&mut self, event: &Event) {
+        if let Some(feed) = &self.feed {
+            feed.event(event);
+        }
         match event {
             Event::Vehicle(state) => self.status.vehicle = Some(*state),
             Event::AutopilotLost(_) => tracing::warn!("the autopilot is silent"),
@@ -269,6 +319,9 @@ impl Brain {
         if !self.warned_of_autopilots && self.status.stats.link.refused_autopilots > 0 {
             self.warned_of_autopilots = true;
             tracing::warn!("a second autopilot, or one of another kind, is on the link");
+        }
+        if let Some(feed) = &self.feed {
+            feed.outlook(self.pilot.outlook(), pulse(&self.status));
         }
         self.status_tx.send_replace(self.status.clone());
     }
@@ -315,5 +368,22 @@ impl Brain {
         self.jobs.shutdown().await;
         self.transport.join().await;
         stats
+    }
+}
+
+/// The counters that the page shows.
+const fn pulse(status: &ServiceStatus) -> Pulse {
+    let ServiceStatus { stats, is_clock_known, .. } = status;
+    Pulse {
+        is_clock_known: *is_clock_known,
+        ticks: stats.ticks,
+        ticks_skipped: stats.ticks_skipped,
+        events: stats.events,
+        jobs_failed: stats.jobs_failed,
+        records_lost: stats.records_lost,
+        outgoing_lost: stats.outgoing_lost,
+        received_lost: stats.transport.received_lost,
+        refused_frames: stats.transport.guard.refused(),
+        link: stats.link,
     }
 }

@@ -9,6 +9,7 @@ use crate::lidar::{Driver, LidarStatus, OpenError};
 use crate::pilot::{Event, Pilot};
 use crate::record::{self, LogHeader, RecordError};
 use crate::time::{Mono, Stamp};
+use crate::web::{self, BrainEnd, RunningPage, Scene, Sensors};
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
@@ -82,6 +83,7 @@ pub struct Onboard {
     detections_addr: Option<SocketAddr>,
     camera_stats: watch::Receiver<CameraStats>,
     images: Vec<ImageDriver>,
+    page: Option<RunningPage>,
     log: PathBuf,
 }
 
@@ -104,7 +106,9 @@ impl Onboard {
     /// # Errors
     /// The first thing that cannot be had; nothing runs then.
     pub async fn start(config: &Config, around: Surroundings) -> Result<Self, OnboardError> {
-        let pilot = Pilot::new(config.pilot_settings()?);
+        let settings = config.pilot_settings()?;
+        let (page, scene) = (config.page_settings()?, Scene::new(&settings));
+        let pilot = Pilot::new(settings);
         let (link, lidar) = (config.link_settings()?, config.lidar_settings()?);
         let listener = Listener::bind(config.camera_settings()?).await.map_err(|source| {
             OnboardError::Detections { address: config.detections.clone(), source }
@@ -123,9 +127,33 @@ impl Onboard {
         let detections =
             tokio::spawn(listener.run(move || camera_clock.now(), frames_tx, stop.child_token()));
         let recorder = Some(Box::new(recorder) as Box<dyn super::Recorder>);
-        let setup = ServiceSetup { pilot, link, clock, stop, scans, tags, recorder };
+        let sensors = Sensors { lidar: lidar.status(), camera: camera_stats.clone() };
+        let around = web::Surroundings {
+            scene,
+            space: pilot.free_space(),
+            sensors,
+            log: log.clone(),
+            stop: stop.child_token(),
+        };
+        let (page, running) = page.and_then(|page| start_page(&page, around)).unzip();
+        let setup = ServiceSetup { pilot, link, clock, stop, scans, tags, recorder, page };
         let service = Service::start(setup).await?;
-        Ok(Self { service, lidar, detections, detections_addr, camera_stats, images, log })
+        Ok(Self {
+            service,
+            lidar,
+            detections,
+            detections_addr,
+            camera_stats,
+            images,
+            page: running,
+            log,
+        })
+    }
+
+    /// Where the live page is served, if it is.
+    #[must_use]
+    pub fn page_addr(&self) -> Option<SocketAddr> {
+        self.page.as_ref().map(RunningPage::address)
     }
 
     /// What the service last said of itself.
@@ -182,6 +210,12 @@ impl Onboard {
         while status.changed().await.is_ok() {}
     }
 
+    /// Somebody has asked for the end.
+    #[must_use]
+    pub fn is_ending(&self) -> bool {
+        self.service.is_ending()
+    }
+
     /// Asks everything to end; the vehicle is left to the autopilot's failsafe.
     pub fn stop(&self) {
         self.service.stop();
@@ -197,6 +231,11 @@ impl Onboard {
         let service = self.service.join().await?;
         if let Err(error) = self.detections.await {
             tracing::error!(%error, "the detection listener died");
+        }
+        if let Some(page) = self.page
+            && let Err(error) = tokio::task::spawn_blocking(move || page.join()).await
+        {
+            tracing::error!(%error, "the page died");
         }
         // Joining a thread blocks for one poll of its port.
         let stop_threads = move || {
@@ -227,6 +266,20 @@ fn start_cameras(
             .map_err(|source| OnboardError::Images { camera, source })
     };
     config.image_settings()?.into_iter().map(start).collect()
+}
+
+/// A flight does not depend on its page: one that cannot be had is told.
+fn start_page(
+    settings: &web::Settings,
+    around: web::Surroundings,
+) -> Option<(BrainEnd, RunningPage)> {
+    match web::start(settings, around) {
+        Ok(page) => Some(page),
+        Err(error) => {
+            tracing::error!(%error, address = %settings.listen, "there is no live page");
+            None
+        }
+    }
 }
 
 /// A name that sorts by time of start and is not taken: two starts in one second differ by a count.

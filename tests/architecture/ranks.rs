@@ -19,15 +19,16 @@ const RANKS: [(&str, u8); 23] = [
     ("lidar", 7),
     ("camera", 7),
     ("record", 7),
-    ("web", 7),
     ("report", 7),
     ("figure", 7),
-    // The file twins of the settings of rank 7 are converted there.
-    ("config", 8),
-    ("service", 9),
-    ("survey", 9),
-    ("doctor", 10),
-    ("markers", 10),
+    // It shows what the edges of rank 7 say of themselves.
+    ("web", 8),
+    // The file twins of the settings of the ranks below are converted there.
+    ("config", 9),
+    ("service", 10),
+    ("survey", 10),
+    ("doctor", 11),
+    ("markers", 11),
 ];
 
 /// Ranks that do no I/O.

@@ -6,6 +6,7 @@ mod datagrams;
 mod external_planner;
 mod frames;
 mod guarded;
+mod page;
 mod params;
 mod rubbish;
 mod service;

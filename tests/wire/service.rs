@@ -80,6 +80,7 @@ fn setup(clock: Clock, recorder: impl Recorder) -> (ServiceSetup, mpsc::Sender<E
         scans: scans_rx,
         tags: tags_rx,
         recorder: Some(Box::new(recorder)),
+        page: None,
     };
     (setup, scans)
 }

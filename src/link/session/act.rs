@@ -1,7 +1,7 @@
 //! The brain's actions as messages.
 
 use super::{Autopilot, Session, SessionOutput};
-use crate::link::{inbound, outbound};
+use crate::link::{PAGE, inbound, outbound};
 use crate::messages::{CommandOutcome, OperatorAnswer, VehicleCommand};
 use crate::mission::Phase;
 use crate::pilot::{Action, Event, PhaseChange};
@@ -15,6 +15,8 @@ impl Session {
         let sent_before = out.messages.len();
         match action {
             Action::Command(command) => self.command(*command, now, out),
+            // The page asks by another way.
+            Action::Answer(answer) if answer.to == PAGE => {}
             // Nobody is there to read it, and the own system id is not known yet.
             _ if self.autopilot.is_none() => {}
             Action::Steer(setpoint) => {
@@ -47,6 +49,11 @@ impl Session {
             | Action::Ended(_) => {}
         }
         self.count_sent(sent_before, out);
+    }
+
+    /// What to answer the own page for what the mission says; see [`super::OperatorDesk::answer`].
+    pub fn own_answer(&mut self, answer: &OperatorAnswer, now: Stamp<Mono>) -> bool {
+        self.operators.answer(answer, now)
     }
 
     fn push(&mut self, message: Option<MavMessage>, out: &mut SessionOutput) {

@@ -3,8 +3,10 @@
 use super::act::operator_ack;
 use super::{Autopilot, RIVAL_REMEMBERED_FOR, Session, SessionOutput};
 use crate::link::dialect::Dialect;
-use crate::link::{AUTOPILOT_COMPONENT, OWN_COMPONENT, inbound};
-use crate::messages::{LandedState, OperatorAnswer, OperatorCommand, OperatorRequest, Severity};
+use crate::link::{AUTOPILOT_COMPONENT, OWN_COMPONENT, PAGE, inbound};
+use crate::messages::{
+    LandedState, OperatorAnswer, OperatorCommand, OperatorRequest, OperatorVerb, Severity,
+};
 use crate::pilot::Event;
 use crate::time::{Mono, Stamp};
 use mavlink::dialects::ardupilotmega::{
@@ -210,7 +212,8 @@ impl Session {
         out: &mut SessionOutput,
     ) {
         let own = self.autopilot_system().map(|system| (system, OWN_COMPONENT));
-        if own != Some(target) || own == Some(from) {
+        // System 0 is nobody on the wire: it means everybody, and here the own page.
+        if own != Some(target) || own == Some(from) || from.0 == PAGE.system {
             self.stats.foreign_messages += 1;
             return;
         }
@@ -234,6 +237,18 @@ impl Session {
                 ..Default::default()
             }));
         }
+    }
+}
+
+impl Session {
+    /// Takes in a wish from the own page; `None` for a start that was called off meanwhile.
+    ///
+    /// The answer is the brain's [`crate::pilot::Action::Answer`] to [`PAGE`], as
+    /// [`Self::own_answer`] gives it.
+    pub fn on_own_wish(&mut self, verb: OperatorVerb, arrived: Stamp<Mono>) -> Option<Event> {
+        self.stats.operator_commands += 1;
+        let passes = self.operators.passes(verb, PAGE, arrived);
+        passes.then_some(Event::Operator(OperatorCommand { at: arrived, verb, from: PAGE }))
     }
 }
 

@@ -269,6 +269,7 @@ impl SolveField {
         Ok(SolvedSurface {
             accounts,
             surface,
+            coverage: seen.coverage(range_m),
             n_beams_refused: turns.n_beams_left_out + round.data.n_refused,
             disturbed: turns.flagged.areas(&grid),
             newest: Some(Arc::new(round.newest)),

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::geometry::{Rotation, Transform};
+use crate::link::PAGE;
 use crate::link::params::Published;
 use crate::messages::NavEstimate;
 use nalgebra::{SMatrix, Vector3};
@@ -102,4 +103,24 @@ fn the_quality_of_the_fix_is_told_once_a_second_and_falls_to_zero() {
     }
     // 100 × (1 − 0.2); nothing is fixed after 2.5 s.
     assert_eq!(told, [(0, 80.0), (1_000, 80.0), (2_000, 80.0), (3_000, 0.0)]);
+}
+
+#[test]
+fn the_own_page_asks_like_a_ground_station_and_nobody_on_the_wire_is_it() {
+    let mut scene = Scene::heard();
+    let answer = |verb, is_accepted| OperatorAnswer { verb, to: PAGE, is_accepted };
+    let start = scene.session.on_own_wish(OperatorVerb::Start, at_ms(0));
+    assert!(matches!(start, Some(Event::Operator(command)) if command.from == PAGE));
+    let yes = answer(OperatorVerb::Start, true);
+    assert!(scene.session.own_answer(&yes, at_ms(0)));
+    // The answer goes to the page, not to everybody on the link.
+    scene.acts(&Action::Answer(yes), 10);
+    assert_eq!(results(&scene.sent()), []);
+    // Called off: a start that comes late is refused without the mission, a hold never is.
+    scene.session.own_answer(&answer(OperatorVerb::Hold, true), at_ms(1_000));
+    assert_eq!(scene.session.on_own_wish(OperatorVerb::Start, at_ms(3_000)), None);
+    assert!(scene.session.on_own_wish(OperatorVerb::Hold, at_ms(3_000)).is_some());
+    // System 0 means everybody: who sends under it could take the page's answers.
+    scene.hears((0, OWN_COMPONENT), operator(MavCmd::MAV_CMD_USER_1), 4_000);
+    assert!(scene.told().is_empty() && results(&scene.sent()).is_empty());
 }

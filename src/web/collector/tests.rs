@@ -1,0 +1,142 @@
+//! News in, pictures out.
+
+use super::*;
+use crate::camera::CameraStats;
+use crate::lidar::LidarStatus;
+use crate::messages::{
+    GridGeometry, StatusText, VolumeAccount, VolumeBudget, VolumeEstimate, VolumeShares,
+};
+use crate::pilot::PhaseChange;
+use crate::web::state::Viewers;
+use std::time::Duration;
+
+/// A hall of 6 m × 4 m without anything in it.
+pub(in crate::web) fn scene() -> Scene {
+    Scene {
+        region_m: [0.0, 0.0, 6.0, 4.0],
+        bays: Vec::new(),
+        exclusions: Vec::new(),
+        walls_m: Vec::new(),
+        ceiling_m: None,
+        obstacles: Vec::new(),
+        fence_m: Vec::new(),
+        fence_heights_m: None,
+        tags_m: Vec::new(),
+        flight_height_m: 5.0,
+        survey_yaw_rad: 0.0,
+        min_fix_quality: 8.0,
+        max_speed_mps: 2.0,
+        target_sigma_ratio: None,
+        grid: GridGeometry { x_min_m: 0.0, y_min_m: 0.0, cell_m: 1.0, n_cols: 6, n_rows: 4 },
+    }
+}
+
+fn collector() -> Collector {
+    Collector::new(scene(), Maps::default(), 2.0, "flight.mcap".to_owned())
+}
+
+fn beside(now: Instant) -> Beside {
+    Beside {
+        lidar: LidarStatus::default(),
+        camera: CameraStats::default(),
+        viewers: Viewers::default(),
+        has_token: false,
+        free_bytes: None,
+        news_lost: 0,
+        now,
+    }
+}
+
+fn outlook(at_s: i64, phase: Phase) -> Outlook {
+    Outlook {
+        at: Stamp::from_nanos(at_s * 1_000_000_000),
+        phase,
+        checks: Vec::new(),
+        has_position: true,
+        disagreement_m: None,
+        has_lidar: true,
+        estimate: None,
+        vehicle: None,
+        is_autopilot_lost: false,
+        battery: None,
+        turns_home_at_ratio: 0.25,
+        until_turn_home_s: None,
+        way_home_ratio: None,
+        steps_done: 0,
+        ahead_m: Vec::new(),
+        flown_m: 0.0,
+        hits: crate::messages::HitCounts::default(),
+    }
+}
+
+fn account(name: &str, volume_m3: f64, sigma_m3: f64) -> VolumeAccount {
+    let shares = VolumeShares { measured_ratio: 1.0, ..VolumeShares::default() };
+    VolumeAccount {
+        name: name.to_owned(),
+        estimate: VolumeEstimate { at: Stamp::ZERO, volume_m3, sigma_m3, coverage_ratio: 0.5 },
+        mass: None,
+        budget: VolumeBudget::default(),
+        shares,
+    }
+}
+
+fn change(from: Phase, to: Phase, at_s: i64) -> News {
+    let at = Stamp::from_nanos(at_s * 1_000_000_000);
+    News::Action(at, Action::PhaseChanged(PhaseChange { at, from, to, reason: "asked".to_owned() }))
+}
+
+#[tokio::test]
+async fn a_silent_brain_is_told_and_nothing_else() {
+    let mut collector = collector();
+    let now = Instant::now();
+    let never = collector.picture(&beside(now));
+    assert!(!never.is_brain_alive && never.warnings.len() == 1);
+    collector.take(News::Outlook(Box::new(outlook(1, Phase::Survey)), Box::default()), now);
+    assert!(collector.picture(&beside(now + Duration::from_millis(900))).is_brain_alive);
+    let late = collector.picture(&beside(now + Duration::from_millis(1_100)));
+    assert!(!late.is_brain_alive);
+    assert!(late.warnings[0].todo.contains("mode switch"), "{:?}", late.warnings);
+}
+
+#[tokio::test]
+async fn volumes_are_stated_as_the_gum_wants_and_the_whole_is_not_told_twice() {
+    let mut collector = collector();
+    let now = Instant::now();
+    let told = |accounts| News::Action(Stamp::ZERO, Action::VolumesAccounted(accounts));
+    // One bay is the whole.
+    collector.take(told(vec![account("hall", 1203.6, 9.0), account("salt", 1203.6, 9.0)]), now);
+    collector.take(told(vec![account("hall", 1203.6, 7.0), account("salt", 1203.6, 7.0)]), now);
+    let picture = collector.picture(&beside(now));
+    assert_eq!(picture.volumes.len(), 1);
+    let salt = &picture.volumes[0];
+    // U = 14 m³: y is rounded to whole m³. JCGM 100:2008, 7.2.6.
+    assert_eq!(
+        (salt.name.as_str(), salt.stated_m3.each_ref().map(String::as_str)),
+        ("salt", ["1204", "14"])
+    );
+    assert_eq!(salt.trend, -1);
+    assert!((salt.expanded_percent.unwrap() - 100.0 * 14.0 / 1203.6).abs() < 1e-9);
+    assert_eq!(picture.n_points, 2);
+    let three = vec![account("hall", 9.0, 1.0), account("a", 4.0, 0.5), account("b", 5.0, 0.9)];
+    collector.take(told(three), now);
+    assert_eq!(collector.picture(&beside(now)).volumes.len(), 3);
+}
+
+#[tokio::test]
+async fn the_next_flight_begins_with_an_empty_page() {
+    let mut collector = collector();
+    let now = Instant::now();
+    let told = vec![account("hall", 10.0, 1.0)];
+    collector.take(change(Phase::Preflight, Phase::TakeOff, 10), now);
+    collector.take(News::Action(Stamp::ZERO, Action::VolumesAccounted(told)), now);
+    let line = StatusText { severity: Severity::Warning, text: "markers lost: holding".to_owned() };
+    collector.take(News::Action(Stamp::ZERO, Action::Say(line)), now);
+    collector.take(News::Outlook(Box::new(outlook(25, Phase::Survey)), Box::default()), now);
+    let flying = collector.picture(&beside(now));
+    assert_eq!((flying.flight_s, flying.volumes.len()), (Some(15.0), 1));
+    assert_eq!(flying.lines[0].level, Level::Degraded);
+    collector.take(change(Phase::Idle, Phase::Preflight, 60), now);
+    let next = collector.picture(&beside(now));
+    assert_eq!((next.flight_s, next.volumes.len(), next.n_points), (None, 0, 0));
+    assert_eq!(next.lines.len(), 1, "what was said stays readable");
+}

@@ -1,0 +1,172 @@
+// The few things that may be asked for. Each answer is the mission's own, or says that there is none.
+
+const WAIT_MS = 4000;
+const SHOWN_MS = 8000;
+const NAMES = { start: 'START', hold: 'HOLD', resume: 'RESUME', return: 'RETURN', land: 'LAND HERE' };
+const $ = (id) => document.getElementById(id);
+
+let token = null;
+let newest = null;
+let wasDue = false;
+
+/** Sends a request with the token; gives its status and answer, or a status of 0 without one. */
+async function ask(path, body) {
+  const stop = new AbortController();
+  const timer = setTimeout(() => stop.abort(), WAIT_MS);
+  try {
+    const response = await fetch(path, {
+      method: 'POST',
+      headers: { 'Content-Type': 'application/json', 'X-Stockpilot-Token': token ?? '' },
+      body: JSON.stringify(body ?? {}),
+      signal: stop.signal,
+    });
+    const text = await response.text();
+    let answer = {};
+    try { answer = text ? JSON.parse(text) : {}; } catch { answer = { reason: text }; }
+    return { status: response.status, answer };
+  } catch {
+    return { status: 0, answer: { reason: 'no answer: use the mode switch' } };
+  } finally {
+    clearTimeout(timer);
+  }
+}
+
+function tell(where, level, text) {
+  where.dataset.level = level;
+  where.textContent = text;
+}
+
+async function wish(verb, button, where) {
+  const name = NAMES[verb];
+  button.dataset.state = 'asking';
+  tell(where, 'unknown', `${name}: asking …`);
+  const { status, answer } = await ask(`/api/wishes/${verb}`, { seq: newest?.seq });
+  const isAccepted = status === 200 && answer.is_accepted;
+  button.dataset.state = isAccepted ? 'yes' : 'no';
+  if (isAccepted) tell(where, 'good', `✓ ${name} acknowledged: ${answer.phase}`);
+  else tell(where, 'bad', `✗ ${name} not acknowledged: ${answer.reason ?? `error ${status}`}`);
+  if (status === 401 || status === 403) lock(answer.reason);
+  setTimeout(() => { if (button.dataset.state !== 'asking') delete button.dataset.state; }, SHOWN_MS);
+  return isAccepted;
+}
+
+function lock(reason) {
+  token = null;
+  show(newest);
+  if (reason) tell($('answer'), 'bad', `✗ locked: ${reason}`);
+}
+
+const isSigned = () => [...$('signed').querySelectorAll('input')].every((box) => box.checked);
+
+/** Follows a new state. */
+export function show(state) {
+  newest = state;
+  const isOpen = token !== null && state !== null;
+  for (const button of document.querySelectorAll('.buttons .act')) button.disabled = !isOpen;
+  $('unlock').textContent = isOpen ? 'Lock controls' : 'Unlock controls';
+  $('unlock').disabled = state !== null && !state.has_token;
+  if (state === null) return;
+  if (!state.has_token) tell($('answer'), 'unknown', 'Only looking: this vehicle has no token for the page.');
+  $('resume').hidden = !(isOpen && state.phase === 'hold');
+  showChecks(state, isOpen);
+  showReview(state, isOpen);
+}
+
+function showChecks(state, isOpen) {
+  const faults = state.preflight.filter((check) => check.fault).length;
+  $('open-preflight').textContent =
+    state.phase === 'idle' ? (faults ? `Preflight: ${faults} to mend` : 'Preflight: START …') : 'Preflight list';
+  if (!$('preflight-dialog').open) return;
+  showList(state.preflight);
+  $('start').disabled = !(isOpen && faults === 0 && isSigned() && state.phase === 'idle');
+  if (!isOpen) tell($('start-answer'), 'unknown', 'Unlock the controls to start.');
+  else if (faults) tell($('start-answer'), 'degraded', 'Mend what is red first.');
+  else if (!isSigned()) tell($('start-answer'), 'unknown', 'Say the four things above, then press START.');
+  else if (!$('start').dataset.state) tell($('start-answer'), 'good', 'Ready.');
+}
+
+function showList(checks) {
+  const text = JSON.stringify(checks);
+  if ($('checks').dataset.of === text) return;
+  $('checks').dataset.of = text;
+  $('checks').replaceChildren(...checks.map((check) => {
+    const line = document.createElement('li');
+    line.dataset.level = check.fault ? 'bad' : 'good';
+    const part = (tag, text) => Object.assign(document.createElement(tag), { textContent: text });
+    line.append(part('i', check.fault ? '■' : '●'), part('b', check.subject), part('span', check.found));
+    if (check.fault) line.append(part('small', check.fault));
+    return line;
+  }));
+}
+
+function showReview(state, isOpen) {
+  const { review } = state;
+  $('open-review').hidden = !review.is_due;
+  if (review.is_due && !wasDue && isOpen && !$('review-dialog').open) $('review-dialog').showModal();
+  wasDue = review.is_due;
+  for (const id of ['accept', 'reject']) $(id).disabled = !isOpen;
+  $('fly-gaps').hidden = true;
+  if (!$('review-dialog').open) return;
+  const totals = state.volumes.map((v) => `${v.name}: ${v.stated_m3[0]} ± ${v.stated_m3[1]} m³ (k = 2)`);
+  $('review-summary').textContent = totals.join('\n');
+  const remarks = review.remarks.length ? review.remarks : ['nothing speaks against accepting it'];
+  if ($('review-remarks').textContent !== remarks.join('')) {
+    $('review-remarks').replaceChildren(...remarks.map((text) =>
+      Object.assign(document.createElement('li'), { textContent: text })));
+  }
+  if (!isOpen) tell($('review-answer'), 'unknown', 'Unlock the controls to decide.');
+}
+
+async function decide(verdict) {
+  const { status, answer } = await ask('/api/review', { verdict, remark: $('remark').value });
+  if (status === 200) {
+    $('review-dialog').close();
+    tell($('answer'), 'good', `✓ flight ${verdict}, kept beside its log`);
+  } else {
+    tell($('review-answer'), 'bad', `✗ not kept: ${answer.reason ?? `error ${status}`}`);
+  }
+}
+
+async function unlock(event) {
+  if (event.submitter?.value !== 'ok') return;
+  event.preventDefault();
+  token = $('token').value.trim();
+  const { status, answer } = await ask('/api/token');
+  if (status === 204) {
+    $('token').value = '';
+    $('token-dialog').close();
+    tell($('answer'), 'good', '✓ controls are open');
+    show(newest);
+  } else {
+    token = null;
+    tell($('token-answer'), 'bad', `✗ ${answer.reason ?? `error ${status}`}`);
+  }
+}
+
+/** Connects the buttons. */
+export function connect() {
+  for (const button of document.querySelectorAll('.buttons .act, #resume')) {
+    button.addEventListener('click', () => wish(button.dataset.verb, button, $('answer')));
+  }
+  $('unlock').addEventListener('click', () => {
+    if (token !== null) lock('by you');
+    else $('token-dialog').showModal();
+  });
+  $('token-form').addEventListener('submit', unlock);
+  $('open-preflight').addEventListener('click', () => {
+    for (const box of $('signed').querySelectorAll('input')) box.checked = false;
+    $('preflight-dialog').showModal();
+    show(newest);
+  });
+  $('preflight-close').addEventListener('click', () => $('preflight-dialog').close());
+  $('signed').addEventListener('change', () => show(newest));
+  $('start').addEventListener('click', async () => {
+    if (await wish('start', $('start'), $('start-answer'))) {
+      tell($('answer'), 'good', $('start-answer').textContent);
+      $('preflight-dialog').close();
+    }
+  });
+  $('open-review').addEventListener('click', () => { $('review-dialog').showModal(); show(newest); });
+  $('accept').addEventListener('click', () => decide('accepted'));
+  $('reject').addEventListener('click', () => decide('rejected'));
+}

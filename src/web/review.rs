@@ -1,0 +1,87 @@
+//! The decision on a flight, kept beside its log.
+
+use super::verdict::Verdict;
+use serde::Serialize;
+use std::io::{self, Write as _};
+use std::path::{Path, PathBuf};
+
+/// What is kept.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(super) struct Decision {
+    /// End of the flight on the log's clock, ns.
+    pub(super) flight_ended_at_ns: i64,
+    /// The decision.
+    pub(super) verdict: Verdict,
+    /// What the person said to it.
+    pub(super) remark: String,
+    /// What spoke against accepting it.
+    pub(super) remarks: Vec<String>,
+    /// When it was decided, UTC.
+    pub(super) decided_utc: String,
+}
+
+/// The file with the decisions on the flights of one log, one JSON object a line.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct ReviewFile {
+    path: PathBuf,
+}
+
+impl ReviewFile {
+    /// `flight.mcap` has `flight.review.jsonl`.
+    pub(super) fn beside(log: &Path) -> Self {
+        Self { path: log.with_extension("review.jsonl") }
+    }
+
+    /// Appends a decision: all or nothing of it survives a power cut.
+    ///
+    /// # Errors
+    /// What the disk says; the earlier decisions are kept then.
+    pub(super) fn append(&self, decision: &Decision) -> io::Result<()> {
+        let earlier = match std::fs::read(&self.path) {
+            Ok(earlier) => earlier,
+            Err(error) if error.kind() == io::ErrorKind::NotFound => Vec::new(),
+            Err(error) => return Err(error),
+        };
+        let part = self.path.with_extension("jsonl.part");
+        let mut file = std::fs::File::create(&part)?;
+        file.write_all(&earlier)?;
+        serde_json::to_writer(&mut file, decision)?;
+        file.write_all(b"\n")?;
+        file.sync_all()?;
+        std::fs::rename(&part, &self.path)?;
+        let folder = self.path.parent().filter(|folder| !folder.as_os_str().is_empty());
+        std::fs::File::open(folder.unwrap_or(Path::new(".")))?.sync_all()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn decisions_follow_each_other_and_a_full_disk_keeps_the_earlier_ones() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = ReviewFile::beside(&folder.path().join("flight-1.mcap"));
+        let decision = |verdict| Decision {
+            flight_ended_at_ns: 7,
+            verdict,
+            remark: "dust \"at\" bay B".to_owned(),
+            remarks: Vec::new(),
+            decided_utc: "2026-01-01T00:00:00Z".to_owned(),
+        };
+        file.append(&decision(Verdict::Rejected)).unwrap();
+        file.append(&decision(Verdict::Accepted)).unwrap();
+        let read = || std::fs::read_to_string(folder.path().join("flight-1.review.jsonl")).unwrap();
+        let verdicts: Vec<String> = read()
+            .lines()
+            .map(|line| serde_json::from_str::<serde_json::Value>(line).unwrap())
+            .map(|line| line["verdict"].as_str().unwrap().to_owned())
+            .collect();
+        assert_eq!(verdicts, ["rejected", "accepted"]);
+        // A folder stands where the part should be written, as if nothing could be written.
+        std::fs::create_dir(folder.path().join("flight-1.review.jsonl.part")).unwrap();
+        let before = read();
+        assert!(file.append(&decision(Verdict::Accepted)).is_err());
+        assert_eq!(read(), before);
+    }
+}

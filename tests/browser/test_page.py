@@ -1,0 +1,187 @@
+"""One flight from the preflight list to the decision, by the page alone. The tests go on from each other."""
+import json
+import os
+import urllib.error
+import urllib.request
+
+from conftest import PATIENCE_MS
+from playwright.sync_api import expect
+
+expect.set_options(timeout=PATIENCE_MS)
+
+
+def picture(watched, name, **options):
+    path = os.path.join(os.environ["STOCKPILOT_PICTURES"], name + ".png")
+    return watched.page.screenshot(path=path, **options)
+
+
+def post(flight, path, body, **headers):
+    """A request as a program sends it; gives status and answer."""
+    request = urllib.request.Request(flight["page"] + path.lstrip("/"), json.dumps(body).encode(),
+                                     {"Content-Type": "application/json", **headers})
+    try:
+        with urllib.request.urlopen(request) as answer:
+            return answer.status, answer.read().decode()
+    except urllib.error.HTTPError as error:
+        return error.code, error.read().decode()
+
+
+def state(flight):
+    with urllib.request.urlopen(flight["page"] + "api/state") as answer:
+        return json.load(answer)
+
+
+def unlock(page, token):
+    page.click("#unlock")
+    page.fill("#token", token)
+    page.click("#token-ok")
+
+
+def has_phase(page, *names):
+    page.wait_for_function("(names) => names.includes(document.getElementById('phase').textContent)",
+                           arg=list(names), timeout=PATIENCE_MS)
+
+
+def test_without_the_token_it_is_looked_at_only(flight, desktop):
+    page = desktop.page
+    expect(page.locator("#liveness")).to_have_text("live")
+    for verb in ["hold", "return", "land"]:
+        expect(page.locator(f".buttons [data-verb={verb}]")).to_be_disabled()
+    # What the buttons would send, from the page itself.
+    ask = "async (verb) => (await fetch(`/api/wishes/${verb}`, {method: 'POST', headers: " \
+          "{'Content-Type': 'application/json'}, body: '{}'})).status"
+    for verb in ["start", "hold", "resume", "return", "land"]:
+        assert page.evaluate(ask, verb) == 401, verb
+    unlock(page, "not-the-token-0000")
+    expect(page.locator("#token-answer")).to_contain_text("missing or wrong")
+    page.click("#token-dialog [value=cancel]")
+    assert state(flight)["phase"] == "idle"
+
+
+def test_other_sites_and_names_are_refused_even_with_the_token(flight):
+    token = {"X-Stockpilot-Token": flight["token"]}
+    wish = "/api/wishes/hold"
+    assert post(flight, wish, {}, **token, Origin="http://evil.example")[0] == 403
+    assert post(flight, wish, {}, **token, **{"Sec-Fetch-Site": "cross-site"})[0] == 403
+    assert post(flight, wish, {}, **token, Host="evil.example")[0] == 421
+    # The mission itself refuses to hold on the ground: a conflict, not a refusal of the page.
+    status, answer = post(flight, wish, {}, **token)
+    assert status == 409 and json.loads(answer)["phase"] == "idle", answer
+    # Who starts motors must have looked a moment ago.
+    status, answer = post(flight, "/api/wishes/start", {"seq": 0}, **token)
+    assert status == 409 and "out of date" in answer, answer
+    assert post(flight, "/api/wishes/start", {}, **token)[0] == 409
+    assert state(flight)["phase"] == "idle"
+
+
+def test_the_start_stands_behind_the_preflight_list(flight, desktop):
+    page = desktop.page
+    unlock(page, flight["token"])
+    expect(page.locator("#answer")).to_contain_text("controls are open")
+    page.click("#open-preflight")
+    expect(page.locator("#checks li")).to_have_count(12)
+    expect(page.locator("#checks li[data-level=bad]")).to_have_count(0)
+    checks = page.locator("#checks").inner_text()
+    assert "1-sigma" in checks and "%" in checks and "cm off" in checks, checks
+    start = page.locator("#start")
+    boxes = page.locator("#signed input")
+    for nth in range(4):
+        expect(start).to_be_disabled()
+        boxes.nth(nth).check()
+    expect(start).to_be_enabled()
+    picture(desktop, "1-preflight-desktop")
+    start.click()
+    expect(page.locator("#answer")).to_contain_text("START acknowledged")
+    has_phase(page, "take-off", "survey")
+
+
+def test_numbers_move_and_maps_are_drawn(flight, desktop, colours):
+    page = desktop.page
+    has_phase(page, "survey")
+    figure = page.locator(".volume .figure").first
+    expect(figure).to_contain_text("±")
+    first = figure.inner_text()
+    page.wait_for_function("(first) => document.querySelector('.volume .figure').innerText !== first",
+                           arg=first, timeout=PATIENCE_MS)
+    page.wait_for_function("document.querySelectorAll('#chart canvas').length > 0")
+    for tab in ["height", "sigma", "coverage", "fix-quality", "surface"]:
+        page.click(f"[data-map={tab}]")
+        canvas = page.locator("#surface canvas" if tab == "surface" else "#map")
+        expect(canvas).to_be_visible()
+        expect(page.locator("#stage-note")).to_have_text("")
+        picture(desktop, f"2-{tab}-desktop")
+        # A blank stage has one colour; outlines, path and vehicle alone some dozens.
+        n_colours = colours(canvas.screenshot())
+        assert n_colours > (80 if tab == "coverage" else 300), (tab, n_colours)
+    # A section where the map is tapped.
+    page.click("[data-map=height]")
+    page.locator("#map").click(position={"x": 350, "y": 300})
+    expect(page.locator("#section-caption")).to_contain_text("Section along x")
+    assert colours(page.locator("#section-canvas").screenshot()) > 20
+    page.click("#section-canvas")
+    # The same numbers by the interface.
+    known = state(flight)
+    assert known["volumes"] and known["steps"][0] >= 0 and known["fix"]["level"] == "good", known
+    assert known["target"]["percent"] == 2.0 and known["is_brain_alive"]
+
+
+def test_the_phone_shows_the_same_and_the_buttons_stay_in_reach(phone, colours):
+    page = phone.page
+    expect(page.locator(".volume .figure").first).to_contain_text("±")
+    expect(page.locator("#stage-note")).to_have_text("")
+    box = page.locator(".act-hold").bounding_box()
+    assert box["y"] + box["height"] <= 844 and box["height"] >= 48 and box["width"] >= 100, box
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390, "nothing to scroll sideways"
+    picture(phone, "3-survey-phone")
+    picture(phone, "3-survey-phone-whole", full_page=True)
+    assert colours(page.locator("#map").screenshot()) > 300
+
+
+def test_each_button_is_acknowledged(flight, desktop, phone):
+    page = desktop.page
+    page.click(".act-hold")
+    expect(page.locator("#answer")).to_contain_text("HOLD acknowledged: hold")
+    has_phase(page, "hold")
+    picture(desktop, "4-hold-desktop")
+    page.click("#resume")
+    expect(page.locator("#answer")).to_contain_text("RESUME acknowledged")
+    has_phase(page, "survey")
+    # The phone has a token of its own to type.
+    expect(phone.page.locator(".act-return")).to_be_disabled()
+    unlock(phone.page, flight["token"])
+    phone.page.click(".act-return")
+    expect(phone.page.locator("#answer")).to_contain_text("RETURN acknowledged")
+    has_phase(page, "return", "land")
+    page.click(".act-land")
+    expect(page.locator("#answer")).to_contain_text("LAND HERE acknowledged: land")
+    picture(phone, "5-land-phone")
+
+
+def test_after_landing_somebody_decides(flight, desktop):
+    page = desktop.page
+    expect(page.locator("#review-dialog")).to_be_visible()
+    expect(page.locator("#review-remarks")).to_contain_text("cut short")
+    page.fill("#remark", "cut short for the test")
+    picture(desktop, "6-review-desktop")
+    page.click("#reject")
+    expect(page.locator("#answer")).to_contain_text("flight rejected")
+    expect(page.locator("#open-review")).to_be_hidden()
+    [path] = flight["folder"].glob("*.review.jsonl")
+    kept = json.loads(path.read_text())
+    assert kept["verdict"] == "rejected" and kept["remark"] == "cut short for the test", kept
+    assert state(flight)["review"]["verdict"] == "rejected"
+
+
+def test_nothing_came_from_elsewhere_and_no_address_held_the_token(flight, desktop, phone):
+    for watched in [desktop, phone]:
+        assert watched.complaints == []
+        # Websockets are no requests here; they are allowed to the own origin only.
+        assert all(url.startswith((flight["page"], "data:", "blob:")) for url in watched.urls), watched.urls
+        assert not any(flight["token"] in url for url in watched.urls)
+    flight["child"].drain()
+    assert flight["token"] not in "\n".join(flight["child"].lines[1:]), "the token was logged"
+    metrics = urllib.request.urlopen(flight["page"] + "metrics").read().decode()
+    counted = {line.split()[0]: line.split()[1] for line in metrics.splitlines() if not line.startswith("#")}
+    assert float(counted["stockpilot_page_viewers"]) == 2.0
+    assert float(counted["stockpilot_page_requests_refused_total"]) >= 8.0
+    assert float(counted["stockpilot_page_wishes_total"]) >= 6.0
