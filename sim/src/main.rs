@@ -11,8 +11,9 @@ use stockpilot::pilot::{Action, PlanChoice};
 use stockpilot::survey::accounts_table;
 use stockpilot::time::{Mono, Stamp};
 use stockpilot_sim::autopilot_command::{self, AutopilotArgs, GateAddress};
-use stockpilot_sim::camera::CameraArgs;
+use stockpilot_sim::camera::{CameraArgs, CameraOutput};
 use stockpilot_sim::campaign::{self, Witnessed};
+use stockpilot_sim::carry::carry;
 use stockpilot_sim::comparison::{self, ComparisonArgs};
 use stockpilot_sim::consistency::{self, ConsistencyArgs};
 use stockpilot_sim::faults::{self, FaultsArgs};
@@ -44,6 +45,8 @@ enum Command {
     Faults(FaultsArgs),
     /// The experiment of the paper: its pictures and its table.
     Paper(PaperArgs),
+    /// Somebody carries the vehicle around to survey the tags: a log, tapes and the truth.
+    Carry(CarryArgs),
     /// One emulated LiDAR on a pseudo-terminal, for any program.
     Lidar(LidarArgs),
     /// The stub autopilot as a program of its own, for clients that others wrote.
@@ -78,6 +81,10 @@ struct FlyArgs {
     scenario: ScenarioArgs,
     #[command(flatten)]
     camera: CameraArgs,
+    /// What the camera hands over: tags as a detector would, or rendered pictures that the service's own detector
+    /// looks at.
+    #[arg(long = "camera", value_enum, default_value_t = CameraOutput::Tags)]
+    output: CameraOutput,
     /// Seed of everything that is drawn.
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -131,6 +138,18 @@ impl FlyArgs {
     }
 }
 
+#[derive(Debug, Args)]
+struct CarryArgs {
+    #[command(flatten)]
+    scenario: ScenarioArgs,
+    /// Seed of everything that is drawn.
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// The log to write; it must not exist. Beside it: `.constraints.toml` and `.truth.toml`.
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+}
+
 fn main() -> anyhow::Result<ExitCode> {
     let filter = tracing_subscriber::EnvFilter::try_from_default_env()
         .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("warn"));
@@ -143,6 +162,7 @@ fn main() -> anyhow::Result<ExitCode> {
             Ok(if is_passed { ExitCode::SUCCESS } else { ExitCode::FAILURE })
         }
         Some(Command::Paper(args)) => paper::run(&args).map(|()| ExitCode::SUCCESS),
+        Some(Command::Carry(args)) => run_carry(&args).map(|()| ExitCode::SUCCESS),
         Some(Command::Lidar(args)) => lidar_command::run(&args).map(|()| ExitCode::SUCCESS),
         Some(Command::Autopilot(args)) => autopilot_command::run(&args).map(|()| ExitCode::SUCCESS),
         Some(Command::Fly(args)) => run_fly(&args),
@@ -155,8 +175,11 @@ fn run_fly(args: &FlyArgs) -> anyhow::Result<ExitCode> {
     anyhow::ensure!(args.speed > 0.0 && args.speed <= 100.0, "--speed is 0 to 100");
     let mut scenario = args.scenario.scenario(args.seed)?;
     args.camera.apply(&mut scenario.camera);
+    args.output.apply(&mut scenario.camera);
     let run = match args.autopilot_link.clone().zip(args.truth.clone()) {
         Some((link, truth)) => {
+            let is_rendered = scenario.camera.pictures.is_some();
+            anyhow::ensure!(!is_rendered, "--camera rendered flies with the stub only");
             let (ground, signing_key) = (args.ground_link.clone(), args.signing_key.clone());
             let directory = args.log.clone();
             let options = SitlOptions { link, truth, ground, signing_key, directory };
@@ -170,6 +193,21 @@ fn run_fly(args: &FlyArgs) -> anyhow::Result<ExitCode> {
         print_run(&run);
     }
     Ok(ExitCode::SUCCESS)
+}
+
+#[expect(clippy::print_stdout, reason = "the program's output")]
+fn run_carry(args: &CarryArgs) -> anyhow::Result<()> {
+    let scenario = args.scenario.scenario(args.seed)?;
+    let carried = carry(&scenario, &args.out)?;
+    let beside = |ending: &str| args.out.with_extension(ending);
+    std::fs::write(beside("constraints.toml"), &carried.constraints_toml)?;
+    std::fs::write(beside("truth.toml"), carried.truth_toml())?;
+    println!(
+        "stockpilot markers survey {} --constraints {}",
+        args.out.display(),
+        beside("constraints.toml").display()
+    );
+    Ok(())
 }
 
 #[expect(clippy::print_stdout, reason = "the program's output")]

@@ -176,6 +176,7 @@ fn configured(
         lidar_port: lidar_port.to_owned(),
         detections: "udp:127.0.0.1:0".to_owned(),
         log_directory: options.directory.clone(),
+        pictures: None,
     };
     let mut config = config(scenario, devices);
     let corner_sigma_px = config.filter.corner_sigma_px;
