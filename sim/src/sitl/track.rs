@@ -239,6 +239,6 @@ mod tests {
         assert!(((ahead - here).norm() - 0.2022).abs() < 2e-3);
         assert!(track.at(at_s(last_s + 0.24)).is_some());
         assert!(track.at(at_s(last_s + 0.26)).is_none());
-        assert!(track.at(at_s(-1.0).minus(Duration::from_secs(1))).is_none());
+        assert!(track.at(Stamp::ZERO.minus(Duration::from_secs(1))).is_none());
     }
 }
