@@ -1,10 +1,13 @@
-#![doc = "Marker detections from an external detector, by UDP or a Unix socket."]
+#![doc = "Marker detections: from an external detector, or found in the pictures of an own camera."]
 #![doc = ""]
 #![doc = include_str!("camera/schema.md")]
 
+pub mod images;
 mod line;
 mod listener;
+pub mod picture;
 mod splitter;
+pub mod tag_finder;
 
 pub use line::{Refusal, read_line};
 pub use listener::{CameraStats, Listener};

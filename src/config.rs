@@ -15,6 +15,7 @@ mod edit;
 mod error;
 mod field_layout;
 mod file;
+mod images;
 mod load;
 mod markers;
 mod mesh_file;
@@ -33,6 +34,7 @@ pub use file::{
     SurfaceName, SurfaceSection, UncertaintySection, UpdateName, VarianceUpdateName,
     VolumeVarianceName,
 };
+pub use images::{DetectorSection, ImagesSection, SourceName};
 pub use load::load;
 pub use markers::{MarkersSection, PointSection, TagSection};
 pub use mesh_file::MeshContent;

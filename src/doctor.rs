@@ -6,8 +6,10 @@
 //! The examination runs the service's own drivers and link beside each other, as in flight, but
 //! records nothing and commands nothing. Judging is pure: [`judge`] is told what was seen.
 
+mod cameras;
 mod examination;
 pub mod judge;
+mod parameters;
 mod ports;
 
 pub use examination::{Examination, Patience};

@@ -5,6 +5,7 @@
 //! | [`Hall`] | x, y horizontal, z up, right-handed, metres; origin from the marker map |
 //! | [`Body`] | forward, left, up at the IMU |
 //! | [`Camera`] | z along the optical axis, x right, y down |
+//! | [`Tag`] | x right, y up, z out of its front; origin in its middle |
 //! | [`Lidar`] | the scan plane is x–y, beam angle from x towards y |
 //!
 //! A transform is named by what it gives: `hall_from_body: Transform<Hall, Body>` takes body
@@ -56,6 +57,8 @@ frames! {
     Camera,
     /// Scan plane x–y, beam angle from x towards y.
     Lidar,
+    /// x right and y up of the upright tag, z out of its front.
+    Tag,
 }
 
 /// A place in frame `F`, m.

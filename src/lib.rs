@@ -70,6 +70,8 @@ pub mod doctor;
 #[cfg(feature = "service")]
 pub mod inventory;
 #[cfg(feature = "service")]
+pub mod markers;
+#[cfg(feature = "service")]
 pub mod report;
 
 #[cfg(feature = "service")]

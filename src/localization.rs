@@ -9,6 +9,7 @@
 
 pub mod camera_model;
 pub mod filter;
+pub mod map_adjustment;
 pub mod marker_map;
 pub mod ring;
 pub mod tight_update;

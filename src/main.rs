@@ -8,6 +8,8 @@ mod calibrate;
 mod doctor;
 #[path = "main/inventory.rs"]
 mod inventory;
+#[path = "main/markers.rs"]
+mod markers;
 #[path = "main/params.rs"]
 mod params;
 #[path = "main/prior.rs"]
@@ -74,6 +76,8 @@ enum Command {
     Params(params::ParamsArgs),
     /// What is connected, whether it works, and what to do where it does not.
     Doctor(doctor::DoctorArgs),
+    /// Markers to print, to hang and to survey.
+    Markers(markers::MarkersArgs),
 }
 
 #[derive(Debug, Args)]
@@ -215,6 +219,7 @@ fn main() -> anyhow::Result<ExitCode> {
         Command::Plan(args) => plan(&args),
         Command::Params(args) => params::run(&args),
         Command::Doctor(args) => doctor::run(&args),
+        Command::Markers(args) => markers::run(&args),
     }
 }
 

@@ -8,6 +8,7 @@ mod nav;
 mod operator;
 mod scan;
 mod setpoint;
+mod tag_pattern;
 mod vehicle;
 
 pub use budget::{BudgetRow, BudgetSource, SharedSensitivity, VolumeBudget};
@@ -25,6 +26,7 @@ pub use operator::{
 };
 pub use scan::{Beam, Scan, ScanCorrection};
 pub use setpoint::Setpoint;
+pub use tag_pattern::TagPattern;
 pub use vehicle::{
     AutopilotPose, BatterySample, CommandOutcome, FlightMode, LandedState, TAKE_OFF_HEIGHT_M,
     TakeOff, VehicleCommand, VehicleState,

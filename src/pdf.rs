@@ -65,7 +65,7 @@ pub struct About {
     /// What it is about.
     pub subject: String,
     /// What its content is of, such as the time of a flight. Not the time of writing: equal content
-    /// gives equal files.
+    /// gives equal files. Where it is not known, the file says the beginning of 1970.
     pub of: Option<Timestamp>,
 }
 
@@ -110,15 +110,15 @@ impl Document {
         let settings = SerializeSettings { configuration, ..SerializeSettings::default() };
         let mut inner = krilla::Document::new_with(settings);
         let producer = concat!("stockpilot ", env!("CARGO_PKG_VERSION"));
-        let mut metadata = Metadata::new()
+        // The archival form demands a date.
+        let of = about.of.unwrap_or(Timestamp::UNIX_EPOCH);
+        let metadata = Metadata::new()
             .title(about.title.clone())
             .description(about.subject.clone())
             .language("en".to_owned())
             .creator(producer.to_owned())
-            .producer(producer.to_owned());
-        if let Some(of) = about.of {
-            metadata = metadata.creation_date(date_of(of));
-        }
+            .producer(producer.to_owned())
+            .creation_date(date_of(of));
         inner.set_metadata(metadata);
         Ok(Self { inner, typefaces: Typefaces::load()? })
     }

@@ -35,6 +35,7 @@ use crate::planning;
 use crate::planning::Waypoint;
 use crate::planning::free_space::FreeSpace;
 use crate::planning::planner::Plan;
+use crate::planning::trajectory::Knot;
 use crate::time::{Mono, Stamp};
 use crate::units::wrapped_rad;
 use intake::FrameWatch;
@@ -442,7 +443,8 @@ impl Pilot {
     }
 
     /// After a declared jump of the own place the trajectory leads from where the vehicle was
-    /// thought to be: it goes on from where it is, without a lunge.
+    /// thought to be. It begins anew in the motion that the vehicle really has: from rest there, the
+    /// vehicle would shoot past it and be pulled back faster than anything that is planned.
     fn follow_jump(&mut self) {
         let Some(estimate) = self.localizer.estimate() else { return };
         if estimate.reset_counter == self.reset_counter {
@@ -457,7 +459,10 @@ impl Pilot {
         if !self.mission.is_steering() || !is_far {
             return;
         }
-        self.stand(place);
+        let limits = &self.route.settings().limits;
+        let velocity = estimate.velocity_mps.coords.cap_magnitude(limits.speed_mps);
+        let motion = Knot::steady(place.coords, velocity, self.route.settings().yaw_rad);
+        self.route.path_mut().stop_from(&motion, self.now);
         let over_home = self.home.map(|home| self.above(&home));
         if let (Phase::TakeOff | Phase::Return, Some(over_home)) = (self.phase(), over_home) {
             self.route.go_to(over_home, self.now);

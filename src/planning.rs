@@ -12,6 +12,7 @@ pub mod greedy;
 pub mod grid_axis;
 pub mod height_view;
 pub mod horizon;
+pub mod marker_plan;
 pub mod planner;
 pub mod quality_grid;
 pub mod sight;

@@ -15,7 +15,7 @@ use stockpilot::messages::{
 };
 use stockpilot::pilot::Event;
 use stockpilot::time::{Mono, Stamp};
-use stockpilot_fuzz::{Scene, frame_at};
+use stockpilot_fuzz::{Map, Scene, frame_at};
 
 /// Longer sequences find nothing that short ones do not, and take their time.
 const MAX_EVENTS: usize = 200;
@@ -24,7 +24,8 @@ const MAX_RESTS: u32 = 2;
 
 fuzz_target!(|input: &[u8]| {
     let mut u = Unstructured::new(input);
-    let mut scene = Scene::new();
+    let map = if u.ratio(1, 256).unwrap_or(false) { Map::Field } else { Map::Grid };
+    let mut scene = Scene::new(map);
     let mut n_rests = 0;
     for _ in 0..MAX_EVENTS {
         if u.is_empty() || step(&mut u, &mut scene, &mut n_rests).is_err() {

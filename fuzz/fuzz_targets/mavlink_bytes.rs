@@ -8,7 +8,7 @@
 use libfuzzer_sys::fuzz_target;
 use std::time::Duration;
 use stockpilot::pilot::Event;
-use stockpilot_fuzz::{Scene, frame_at};
+use stockpilot_fuzz::{Map, Scene, frame_at};
 
 /// Messages that the session looks at, and some that it must not.
 const IDS: [u32; 22] = [
@@ -17,7 +17,7 @@ const IDS: [u32; 22] = [
 const SENDERS: [(u8, u8); 6] = [(1, 1), (255, 190), (1, 191), (2, 1), (0, 0), (1, 51)];
 
 fuzz_target!(|input: &[u8]| {
-    let mut scene = Scene::new();
+    let mut scene = Scene::new(Map::Grid);
     let mut rest = input;
     while let [kind, length, tail @ ..] = rest {
         let (piece, tail) = tail.split_at(usize::from(*length).min(tail.len()));

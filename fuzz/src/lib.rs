@@ -8,20 +8,48 @@ mod support;
 mod wire_scene;
 
 use std::time::Duration;
+use stockpilot::mapping::Method;
 use stockpilot::geometry::{Body, Hall, Point, Rotation, Transform};
 use stockpilot::messages::TagDetections;
 use stockpilot::pilot::{Action, Event};
 use stockpilot::time::{Mono, Stamp};
 use wire_scene::WireScene;
 
+/// How the surface is kept.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Map {
+    /// The height grid: a solve takes microseconds.
+    Grid,
+    /// The Gauss-Markov field: a solve takes a hundred milliseconds.
+    Field,
+}
+
 /// Brain and session.
 pub struct Scene(WireScene);
+
+thread_local! {
+    // Free space and quality of fixes are computed once: that takes longer than a hundred inputs.
+    static WITH_GRID: WireScene = WireScene::new(settings(Map::Grid));
+    static WITH_FIELD: WireScene = WireScene::new(settings(Map::Field));
+}
+
+fn settings(map: Map) -> stockpilot::pilot::Settings {
+    let mut settings = support::settings();
+    settings.mapping.method = match map {
+        Map::Grid => Method::KalmanGrid,
+        Map::Field => Method::MaternField,
+    };
+    settings
+}
 
 impl Scene {
     /// In a small hall, with an autopilot that has spoken.
     #[must_use]
-    pub fn new() -> Self {
-        Self(WireScene::new(support::settings()))
+    pub fn new(map: Map) -> Self {
+        Self(match map {
+            Map::Grid => WITH_GRID.with(WireScene::fork),
+            Map::Field => WITH_FIELD.with(WireScene::fork),
+        })
     }
 
     /// The present instant.
@@ -62,12 +90,6 @@ impl Scene {
                 waiting.extend(self.0.tell(Event::Finished { at, id, output }));
             }
         }
-    }
-}
-
-impl Default for Scene {
-    fn default() -> Self {
-        Self::new()
     }
 }
 

@@ -3,26 +3,28 @@
 //!
 //! It flies an open floor without walls. Where it is, it learns from the ODOMETRY of its
 //! companion's link, or, with `--vision tracking`, from a motion capture system in the same
-//! program, so that a client without any estimator can fly it.
+//! program, so that a client without any estimator can fly it. Where it truly is, it says as the real
+//! ones' simulators do: PX4 by `HIL_STATE_QUATERNION` 25 times a second on a link for simulators, both
+//! on request on the companion's link.
 
-mod gate;
+mod home;
 mod machine;
 
-pub use gate::GateAddress;
+pub use crate::gate::GateAddress;
+pub use home::Home;
 
 use crate::autopilot::{
     ApParams, Flavour, ParamTable, ParamValue, StubArduPilot, StubAutopilot, StubPx4,
 };
-use anyhow::{Context, anyhow, ensure};
+use crate::gate::{Gate, Parcel, signing_key};
+use anyhow::{Context, ensure};
 use clap::{Args, ValueEnum};
-use gate::Gate;
 use machine::Machine;
+use mavlink::MavHeader;
 use mavlink::dialects::ardupilotmega as m;
 use mavlink::dialects::ardupilotmega::MavMessage;
-use mavlink::{MavHeader, SigningConfig, SigningData};
 use serde::Serialize;
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::path::PathBuf;
 use std::time::Duration;
 use stockpilot::service::clock::Clock;
 use stockpilot::time::{Mono, Stamp};
@@ -36,6 +38,9 @@ const STEP: Duration = Duration::from_millis(5);
 const LARGEST_LAG: Duration = Duration::from_millis(100);
 /// Where a ground station would put the hall's origin; altitude 0, for any other makes PX4 jump.
 const ORIGIN_DEG_E7: (i32, i32) = (473_977_418, 85_455_939);
+/// PX4's simulation in hardware tells the truth this often.
+const TRUTH_EVERY: Duration = Duration::from_millis(40);
+const AUTOPILOT: MavHeader = MavHeader { system_id: 1, component_id: 1, sequence: 0 };
 const GROUND_STATION: MavHeader = MavHeader { system_id: 255, component_id: 190, sequence: 0 };
 
 /// Who tells the autopilot where it is.
@@ -60,6 +65,12 @@ pub struct AutopilotArgs {
     /// The ground station's link, in the same forms; none if left out.
     #[arg(long, value_name = "ADDRESS")]
     ground: Option<GateAddress>,
+    /// The simulator's link, where the true motion leaves 25 times a second, in the same forms.
+    #[arg(long, value_name = "ADDRESS")]
+    truth: Option<GateAddress>,
+    /// Where it stands at first: latitude and longitude, degrees; altitude, m; heading, degrees.
+    #[arg(long, value_name = "LAT,LON,ALT,HEADING", default_value = "47.397742,8.545594,489.4,0")]
+    home: Home,
     /// Who tells the autopilot where it is.
     #[arg(long, value_enum, default_value_t = Vision::Link)]
     vision: Vision,
@@ -83,10 +94,12 @@ pub struct AutopilotArgs {
 /// The first line that the program prints.
 #[derive(Debug, Serialize)]
 struct Opened {
-    /// The companion's link, with the port that was taken.
-    listen: String,
+    /// The companion's link, with the port that was taken; none where it calls somebody by TCP.
+    listen: Option<String>,
     /// The ground station's link.
     ground: Option<String>,
+    /// The simulator's link.
+    truth: Option<String>,
 }
 
 /// Runs until SIGINT or SIGTERM.
@@ -95,7 +108,7 @@ struct Opened {
 /// A parameter that does not exist, a key that cannot be read, or an address that cannot be had.
 pub fn run(args: &AutopilotArgs) -> anyhow::Result<()> {
     let autopilot = autopilot(args)?;
-    let machine = Machine::new(autopilot, args.vision == Vision::Tracking, args.seed);
+    let machine = Machine::new(autopilot, args.vision == Vision::Tracking, args.home, args.seed);
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
@@ -141,23 +154,10 @@ fn px4_params(defaults: bool, values: &[(String, String)]) -> anyhow::Result<Par
     Ok(table)
 }
 
-/// Signs and checks with the `mavlink` crate's own code.
-fn signing(path: &Path, link: u8) -> anyhow::Result<Arc<SigningData>> {
-    let text = std::fs::read_to_string(path)
-        .with_context(|| format!("cannot read the key {}", path.display()))?;
-    let digits = text.trim().as_bytes();
-    ensure!(digits.len() == 64 && digits.is_ascii(), "a key has 64 hexadecimal digits");
-    let mut key = [0; 32];
-    for (byte, pair) in key.iter_mut().zip(digits.chunks(2)) {
-        *byte = u8::from_str_radix(std::str::from_utf8(pair)?, 16)
-            .map_err(|_| anyhow!("a key has 64 hexadecimal digits"))?;
-    }
-    Ok(Arc::new(SigningData::from_config(SigningConfig::new(key, link, true, false))))
-}
-
 async fn serve(args: &AutopilotArgs, mut machine: Machine) -> anyhow::Result<()> {
     let stop = CancellationToken::new();
-    let signing_of = |link| args.signing_key.as_deref().map(|path| signing(path, link)).transpose();
+    let signing_of =
+        |link| args.signing_key.as_deref().map(|path| signing_key(path, link)).transpose();
     let mut companion = Gate::open(&args.listen, signing_of(0)?, stop.clone())
         .await
         .context("cannot open the companion's link")?;
@@ -169,9 +169,19 @@ async fn serve(args: &AutopilotArgs, mut machine: Machine) -> anyhow::Result<()>
         ),
         None => None,
     };
+    let truth = match &args.truth {
+        Some(address) => Some(
+            Gate::open(address, None, stop.clone())
+                .await
+                .context("cannot open the simulator's link")?,
+        ),
+        None => None,
+    };
+    let local = |gate: &Gate| gate.local().map(|address| address.to_string());
     tell(&Opened {
-        listen: companion.local().to_string(),
-        ground: ground.as_ref().map(|gate| gate.local().to_string()),
+        listen: local(&companion),
+        ground: ground.as_ref().and_then(local),
+        truth: truth.as_ref().and_then(local),
     })?;
     if args.origin {
         let now = machine.now();
@@ -179,6 +189,7 @@ async fn serve(args: &AutopilotArgs, mut machine: Machine) -> anyhow::Result<()>
     }
     let mut ending = std::pin::pin!(ending());
     let mut pace = Pace::new(Clock::real());
+    let mut truth_due = Stamp::ZERO;
     loop {
         tokio::select! {
             result = &mut ending => {
@@ -188,6 +199,10 @@ async fn serve(args: &AutopilotArgs, mut machine: Machine) -> anyhow::Result<()>
             () = pace.next() => {
                 machine.step();
                 pace.stepped();
+                if let Some(truth) = truth.as_ref().filter(|_| machine.now() >= truth_due) {
+                    truth_due = machine.now().plus(TRUTH_EVERY);
+                    truth.send((AUTOPILOT, machine.truth()));
+                }
             }
             Some((header, message)) = companion.incoming.recv() => {
                 let now = machine.now().plus(pace.since_step());
@@ -210,7 +225,7 @@ async fn serve(args: &AutopilotArgs, mut machine: Machine) -> anyhow::Result<()>
 }
 
 /// The next message of a link that may not exist.
-async fn next_of(gate: Option<&mut Gate>) -> Option<gate::Parcel> {
+async fn next_of(gate: Option<&mut Gate>) -> Option<Parcel> {
     match gate {
         Some(gate) => gate.incoming.recv().await,
         None => std::future::pending().await,

@@ -28,6 +28,10 @@ use stockpilot::time::{Mono, Stamp};
 
 /// A flight that has not ended by then will not end by itself.
 pub const LONGEST_FLIGHT: Duration = Duration::from_secs(900);
+/// Ticks that are late by no more than this are made up for, as the service does.
+const TICKS_MADE_UP_FOR: Duration = Duration::from_millis(100);
+/// Scans and frames that wait for a loop that hangs, as the service's channels hold them.
+const MOST_WAITING: usize = 96;
 /// Jobs take this long in virtual time, as they do beside a real brain.
 const JOB_TIME: Duration = Duration::from_millis(100);
 
@@ -107,8 +111,9 @@ pub struct DirectFlight {
     session: Session,
     /// What followed from messages after the last step's events were handed over.
     answers: SessionOutput,
-    /// What came while the companion's loop hung.
+    /// What came while the companion's loop hung: messages, and scans and frames.
     waiting: Vec<(MavHeader, MavMessage)>,
+    waiting_samples: Vec<Event>,
     pilot: Pilot,
     turns: TurnAssembler,
     poses: PoseJudge,
@@ -175,6 +180,7 @@ impl DirectFlight {
             session: Session::new(config.link_settings()?),
             answers: SessionOutput::default(),
             waiting: Vec::new(),
+            waiting_samples: Vec::new(),
             pilot: Pilot::new(config.pilot_settings()?),
             turns: TurnAssembler::default(),
             poses: PoseJudge::default(),
@@ -203,6 +209,7 @@ impl DirectFlight {
             session: self.session.clone(),
             answers: self.answers.clone(),
             waiting: self.waiting.clone(),
+            waiting_samples: self.waiting_samples.clone(),
             pilot: self.pilot.clone(),
             turns: self.turns.clone(),
             poses: self.poses,
@@ -224,10 +231,15 @@ impl DirectFlight {
         self.companion = Companion::Frozen;
     }
 
-    /// The loop goes on; ticks that were missed are left out, as the service does.
+    /// The loop goes on; ticks that were missed by more than a tenth of a second are left out, the
+    /// others made up for, as the service does.
     pub fn thaw_companion(&mut self) {
         self.companion = Companion::Runs;
-        while tick_at(self.n_ticks) < self.rig.now() {
+        self.leave_out_ticks_before(self.rig.now().minus(TICKS_MADE_UP_FOR));
+    }
+
+    fn leave_out_ticks_before(&mut self, instant: Stamp<Mono>) {
+        while tick_at(self.n_ticks) < instant {
             self.n_ticks += 1;
         }
     }
@@ -244,8 +256,10 @@ impl DirectFlight {
         self.pilot = Pilot::new(pilot);
         self.answers.clear();
         self.waiting.clear();
+        self.waiting_samples.clear();
         self.jobs.clear();
-        self.thaw_companion();
+        self.companion = Companion::Runs;
+        self.leave_out_ticks_before(self.rig.now());
     }
 
     /// The id under which the companion speaks.
@@ -269,6 +283,15 @@ impl DirectFlight {
     /// No log, a log that cannot be read, or one that is not complete.
     pub fn close_log(&mut self) -> anyhow::Result<u64> {
         self.log.take().context("there is no log")?.close()
+    }
+
+    /// True if the log, cut at this share of its bytes as they are on the disk now, holds the same
+    /// entries from the beginning on, and says that it was cut.
+    ///
+    /// # Errors
+    /// No log, or one that cannot be read.
+    pub fn log_cut_at(&self, share: f64) -> anyhow::Result<bool> {
+        self.log.as_ref().context("there is no log")?.is_prefix_when_cut_at(share)
     }
 
     /// The brain's phase.
@@ -343,7 +366,10 @@ impl DirectFlight {
             Companion::Runs => self.step_companion(output, &arrived, witness),
             Companion::Frozen => {
                 self.waiting.extend(arrived);
-                self.sense(output, &mut Vec::new());
+                let mut samples = std::mem::take(&mut self.waiting_samples);
+                self.sense(output, &mut samples);
+                samples.truncate(MOST_WAITING);
+                self.waiting_samples = samples;
                 self.rig_hears_nothing(now);
             }
             Companion::Dead => {
@@ -375,6 +401,7 @@ impl DirectFlight {
             self.session.on_message(header, message, now, &mut out);
         }
         let mut events = std::mem::take(&mut out.events);
+        events.append(&mut self.waiting_samples);
         self.sense(output, &mut events);
         while self.jobs.front().is_some_and(|(due, ..)| *due <= now) {
             if let Some((at, id, output)) = self.jobs.pop_front() {

@@ -8,7 +8,7 @@
 //!
 //! Not here: what lies below the messages. Half frames of the LiDAR, broken serial ports, full
 //! disks and killed processes are tests of their own, beside the drivers, the recorder and the
-//! service.
+//! programs.
 
 mod bench;
 mod cases;

@@ -9,6 +9,7 @@ use crate::judge::PoseJudge;
 use crate::lidar::{LineFaults, Optics, SerialLidar};
 use crate::load::LoadMeter;
 use crate::operator::Operator;
+use crate::picture_line::PictureLine;
 use crate::report::{Measured, RunReport};
 use crate::rig::Rig;
 use crate::scenario::Scenario;
@@ -18,6 +19,7 @@ use mavlink::{MAVLinkV2MessageRaw, MavHeader, MavlinkReader};
 use std::io::{Read as _, Write as _};
 use std::net::{SocketAddr, UdpSocket};
 use std::os::unix::fs::OpenOptionsExt as _;
+use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use stockpilot::config::{Config, PageSection};
@@ -75,6 +77,9 @@ pub fn run(scenario: &Scenario, options: &FlyOptions) -> anyhow::Result<RunRepor
     let runtime = tokio::runtime::Runtime::new().context("cannot start the runtime")?;
     let (clock, driver) = Clock::driven();
     let mut devices = EmulatedDevices::open(scenario)?;
+    // A socket's name must be short, so it does not go beside the log.
+    let sockets = tempfile::tempdir().context("no folder for sockets")?;
+    devices.pictures = scenario.camera.pictures.map(|_| PictureLine::new(sockets.path()));
     let mut config = config(scenario, devices.addresses(&options.directory)?);
     config.filter.capture_sigma_s = CLOCKS_SIGMA_S;
     let token = options.page.as_ref().map(|page| open_page(page, &mut config)).transpose()?;
@@ -204,6 +209,7 @@ struct EmulatedDevices {
     /// The detector's socket.
     detector: UdpSocket,
     detections_peer: Option<SocketAddr>,
+    pictures: Option<PictureLine>,
     sequence: u8,
 }
 
@@ -224,6 +230,7 @@ impl EmulatedDevices {
             link_peer: None,
             detector: socket().context("no socket for the detector")?,
             detections_peer: None,
+            pictures: None,
             sequence: 0,
         })
     }
@@ -234,6 +241,7 @@ impl EmulatedDevices {
             link: "udpin:127.0.0.1:0".to_owned(),
             lidar_port: lidar_port.to_owned(),
             detections: "udp:127.0.0.1:0".to_owned(),
+            pictures: self.pictures.as_ref().map(|line| line.socket.clone()),
             log_directory: directory.to_owned(),
         })
     }
@@ -242,6 +250,9 @@ impl EmulatedDevices {
         self.link_peer = Some(onboard.link_addr().context("the link has no address")?);
         self.detections_peer =
             Some(onboard.detections_addr().context("the detections have no address")?);
+        if let Some(pictures) = &mut self.pictures {
+            pictures.stream = Some(UnixStream::connect(&pictures.socket)?);
+        }
         Ok(())
     }
 
@@ -324,6 +335,9 @@ impl Flight {
             anyhow::ensure!(!onboard.is_ending(), "ended before the landing");
             self.step()?;
             self.pace.wait_for_brain(self.rig.now(), onboard);
+            if let Some(pictures) = &mut self.devices.pictures {
+                pictures.wait_for_detector(self.rig.now(), onboard);
+            }
             if let Some(summary) = status.borrow().flight.clone() {
                 return Ok(summary);
             }
@@ -373,6 +387,11 @@ impl Flight {
             if let Some(peer) = self.devices.detections_peer {
                 let line = crate::camera::detections_line(frame)? + "\n";
                 self.devices.detector.send_to(line.as_bytes(), peer)?;
+            }
+        }
+        if let Some(line) = &mut self.devices.pictures {
+            for picture in &output.pictures {
+                line.send(picture, now)?;
             }
         }
         for (header, message) in self.devices.receive_mavlink() {

@@ -9,10 +9,10 @@ use crate::vehicle::VehicleSettings;
 use crate::world::{Bay, Cuboid, Region, World};
 use std::path::PathBuf;
 use stockpilot::config::{
-    BaySection, CameraSection, Config, ExternalSection, FilterSection, HallSection, LensName,
-    LidarSection, LinkSection, LogSection, MarkersSection, MissionSection, MountSection,
-    ObstacleSection, PageSection, PlanningSection, RectSection, SurfaceSection, TagSection,
-    UncertaintySection,
+    BaySection, CameraSection, Config, DetectorSection, ExternalSection, FilterSection,
+    HallSection, ImagesSection, LensName, LidarSection, LinkSection, LogSection, MarkersSection,
+    MissionSection, MountSection, ObstacleSection, PageSection, PlanningSection, RectSection,
+    SourceName, SurfaceSection, TagSection, UncertaintySection,
 };
 use stockpilot::geometry::{Body, Camera, Frame, Rotation, Transform};
 
@@ -25,6 +25,8 @@ pub struct Devices {
     pub lidar_port: String,
     /// Address of the marker detections.
     pub detections: String,
+    /// The socket for the camera's pictures, if it hands over those.
+    pub pictures: Option<PathBuf>,
     /// Where the log goes.
     pub log_directory: PathBuf,
 }
@@ -37,6 +39,7 @@ impl Devices {
             link: "udpin:127.0.0.1:14540".to_owned(),
             lidar_port: "none".to_owned(),
             detections: "udp:127.0.0.1:0".to_owned(),
+            pictures: None,
             log_directory: PathBuf::new(),
         }
     }
@@ -81,7 +84,8 @@ pub fn config(scenario: &Scenario, devices: Devices) -> Config {
         log: LogSection { directory: devices.log_directory },
         page: PageSection { enabled: false, ..PageSection::default() },
         detections: devices.detections,
-        cameras: vec![camera(&scenario.camera)],
+        detector: DetectorSection::default(),
+        cameras: vec![camera(&scenario.camera, devices.pictures)],
         markers: MarkersSection::default(),
         tags: tags(world, &conditions.errors),
         bays: bays(world),
@@ -215,7 +219,7 @@ fn lidar(name: &str, model: &LidarModel, port: String) -> LidarSection {
     }
 }
 
-fn camera(model: &CameraModel) -> CameraSection {
+fn camera(model: &CameraModel, pictures: Option<PathBuf>) -> CameraSection {
     let lens = &model.lens;
     // The configuration turns a camera that looks forward; undo that turn to find the angles.
     let looking_forward = Rotation::<Body, Camera>::from_euler_rad(
@@ -232,6 +236,13 @@ fn camera(model: &CameraModel) -> CameraSection {
         lens: LensName::RadialTangential,
         distortion: vec![lens.k1, lens.k2, lens.p1, lens.p2],
         readout_s: 0.0,
+        images: pictures.map(|path| ImagesSection {
+            source: SourceName::PgmStream,
+            path,
+            stamp_delay_ms: None,
+            frames_per_s: 20,
+            exposure_ms: None,
+        }),
         mount: mount(&Transform::new(turn, model.body_from_camera.origin)),
     }
 }

@@ -35,9 +35,14 @@ impl PoseJudge {
         // North-east-down of the autopilot is (x, −y, −z) of the hall.
         let claimed =
             Vector3::new(f64::from(odometry.x), -f64::from(odometry.y), -f64::from(odometry.z));
-        let error = claimed - truth;
         // Row-major upper triangle of the 6×6 covariance: x at 0, y at 6, z at 11.
-        let var = [0, 6, 11].map(|k| f64::from(odometry.pose_covariance[k]));
+        let var_m2 = [0, 6, 11].map(|k| f64::from(odometry.pose_covariance[k]));
+        self.judge(&claimed, var_m2, truth);
+    }
+
+    /// Judges a claimed position and its variance, in hall axes.
+    pub fn judge(&mut self, claimed: &Vector3<f64>, var: [f64; 3], truth: &Vector3<f64>) {
+        let error = claimed - truth;
         let is_within = std::iter::zip(error.iter(), var).all(|(e, var_m2)| e * e <= 9.0 * var_m2);
         self.n_samples += 1;
         self.n_within_3_sigma += u32::from(is_within);

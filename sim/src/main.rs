@@ -5,13 +5,15 @@ use std::num::NonZeroUsize;
 use std::ops::Range;
 use std::path::PathBuf;
 use std::process::ExitCode;
+use stockpilot::link::Address;
 use stockpilot::messages::Verdict;
 use stockpilot::pilot::{Action, PlanChoice};
 use stockpilot::survey::accounts_table;
 use stockpilot::time::{Mono, Stamp};
-use stockpilot_sim::autopilot_command::{self, AutopilotArgs};
-use stockpilot_sim::camera::CameraArgs;
+use stockpilot_sim::autopilot_command::{self, AutopilotArgs, GateAddress};
+use stockpilot_sim::camera::{CameraArgs, CameraOutput};
 use stockpilot_sim::campaign::{self, Witnessed};
+use stockpilot_sim::carry::carry;
 use stockpilot_sim::comparison::{self, ComparisonArgs};
 use stockpilot_sim::consistency::{self, ConsistencyArgs};
 use stockpilot_sim::faults::{self, FaultsArgs};
@@ -21,6 +23,7 @@ use stockpilot_sim::paper::{self, PaperArgs};
 use stockpilot_sim::parallel::{n_cores, run_in_order};
 use stockpilot_sim::report::{CampaignReport, RunReport};
 use stockpilot_sim::scenario::ScenarioArgs;
+use stockpilot_sim::sitl::{self, SitlOptions, TruthAddress};
 
 /// Worlds, vehicle, sensors and autopilot that fly stockpilot on a laptop.
 #[derive(Debug, Parser)]
@@ -42,6 +45,8 @@ enum Command {
     Faults(FaultsArgs),
     /// The experiment of the paper: its pictures and its table.
     Paper(PaperArgs),
+    /// Somebody carries the vehicle around to survey the tags: a log, tapes and the truth.
+    Carry(CarryArgs),
     /// One emulated LiDAR on a pseudo-terminal, for any program.
     Lidar(LidarArgs),
     /// The stub autopilot as a program of its own, for clients that others wrote.
@@ -76,6 +81,10 @@ struct FlyArgs {
     scenario: ScenarioArgs,
     #[command(flatten)]
     camera: CameraArgs,
+    /// What the camera hands over: tags as a detector would, or rendered pictures that the service's own detector
+    /// looks at.
+    #[arg(long = "camera", value_enum, default_value_t = CameraOutput::Tags)]
+    output: CameraOutput,
     /// Seed of everything that is drawn.
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -92,13 +101,53 @@ struct FlyArgs {
     /// 0 for a free one); the address is the first line of the output.
     #[arg(long, value_name = "ADDRESS")]
     ground: Option<String>,
+    /// Fly a PX4 or ArduPilot simulator that runs already instead of the stub, in real time: the
+    /// service's link to it, `udpin:HOST:PORT`, `udpout:HOST:PORT`, `tcpout:HOST:PORT` or
+    /// `serial:PATH:BAUD`.
+    #[arg(long, value_name = "ADDRESS", requires = "truth", conflicts_with = "ground")]
+    autopilot_link: Option<Address>,
+    /// Where that simulator tells its vehicle's true motion: `link` for the same link, or
+    /// `udpin:HOST:PORT`, `udpout:HOST:PORT`, `tcpout:HOST:PORT`.
+    #[arg(long, value_name = "ADDRESS", requires = "autopilot_link")]
+    truth: Option<TruthAddress>,
+    /// The simulator's link for a ground station, from which to say start; left out, your own ground
+    /// station does.
+    #[arg(long, value_name = "ADDRESS", requires = "autopilot_link")]
+    ground_link: Option<GateAddress>,
+    /// Sign the link with the key in this file (64 hexadecimal digits).
+    #[arg(long, value_name = "FILE", requires = "autopilot_link")]
+    signing_key: Option<PathBuf>,
     /// Serve the live page at this address (`HOST:PORT`, port 0 for a free one); address and token are
     /// the first line of the output.
-    #[arg(long, value_name = "ADDRESS")]
+    #[arg(long, value_name = "ADDRESS", conflicts_with = "autopilot_link")]
     page: Option<String>,
     /// Nobody starts the flight but the page, which stays after the landing until Ctrl-C.
     #[arg(long, requires = "page")]
     wait: bool,
+}
+
+impl FlyArgs {
+    fn options(&self) -> FlyOptions {
+        FlyOptions {
+            speed: self.speed,
+            directory: self.log.clone(),
+            shows_progress: true,
+            ground: self.ground.clone(),
+            page: self.page.clone().map(|listen| PageOptions { listen, waits: self.wait }),
+        }
+    }
+}
+
+#[derive(Debug, Args)]
+struct CarryArgs {
+    #[command(flatten)]
+    scenario: ScenarioArgs,
+    /// Seed of everything that is drawn.
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// The log to write; it must not exist. Beside it: `.constraints.toml` and `.truth.toml`.
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
 }
 
 fn main() -> anyhow::Result<ExitCode> {
@@ -113,6 +162,7 @@ fn main() -> anyhow::Result<ExitCode> {
             Ok(if is_passed { ExitCode::SUCCESS } else { ExitCode::FAILURE })
         }
         Some(Command::Paper(args)) => paper::run(&args).map(|()| ExitCode::SUCCESS),
+        Some(Command::Carry(args)) => run_carry(&args).map(|()| ExitCode::SUCCESS),
         Some(Command::Lidar(args)) => lidar_command::run(&args).map(|()| ExitCode::SUCCESS),
         Some(Command::Autopilot(args)) => autopilot_command::run(&args).map(|()| ExitCode::SUCCESS),
         Some(Command::Fly(args)) => run_fly(&args),
@@ -125,20 +175,39 @@ fn run_fly(args: &FlyArgs) -> anyhow::Result<ExitCode> {
     anyhow::ensure!(args.speed > 0.0 && args.speed <= 100.0, "--speed is 0 to 100");
     let mut scenario = args.scenario.scenario(args.seed)?;
     args.camera.apply(&mut scenario.camera);
-    let options = FlyOptions {
-        speed: args.speed,
-        directory: args.log.clone(),
-        shows_progress: true,
-        ground: args.ground.clone(),
-        page: args.page.clone().map(|listen| PageOptions { listen, waits: args.wait }),
+    args.output.apply(&mut scenario.camera);
+    let run = match args.autopilot_link.clone().zip(args.truth.clone()) {
+        Some((link, truth)) => {
+            let is_rendered = scenario.camera.pictures.is_some();
+            anyhow::ensure!(!is_rendered, "--camera rendered flies with the stub only");
+            let (ground, signing_key) = (args.ground_link.clone(), args.signing_key.clone());
+            let directory = args.log.clone();
+            let options = SitlOptions { link, truth, ground, signing_key, directory };
+            sitl::run(&scenario, &options)?
+        }
+        None => fly::run(&scenario, &args.options())?,
     };
-    let run = fly::run(&scenario, &options)?;
     if args.json {
         println!("{}", serde_json::to_string(&run)?);
     } else {
         print_run(&run);
     }
     Ok(ExitCode::SUCCESS)
+}
+
+#[expect(clippy::print_stdout, reason = "the program's output")]
+fn run_carry(args: &CarryArgs) -> anyhow::Result<()> {
+    let scenario = args.scenario.scenario(args.seed)?;
+    let carried = carry(&scenario, &args.out)?;
+    let beside = |ending: &str| args.out.with_extension(ending);
+    std::fs::write(beside("constraints.toml"), &carried.constraints_toml)?;
+    std::fs::write(beside("truth.toml"), carried.truth_toml())?;
+    println!(
+        "stockpilot markers survey {} --constraints {}",
+        args.out.display(),
+        beside("constraints.toml").display()
+    );
+    Ok(())
 }
 
 #[expect(clippy::print_stdout, reason = "the program's output")]

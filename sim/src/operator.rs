@@ -75,6 +75,23 @@ impl Operator {
         self.wishes.push(command);
     }
 
+    /// What a ground station says now, `now` after the flight began: its heartbeat, and what the
+    /// person wishes.
+    pub fn speak(&mut self, now: Stamp<Mono>) -> Vec<(MavHeader, MavMessage)> {
+        let mut said = Vec::new();
+        if now >= self.next_heartbeat {
+            self.next_heartbeat = now.plus(HEARTBEAT_EVERY);
+            said.push(heartbeat());
+        }
+        let is_due = now >= self.next_start.max(Stamp::ZERO.plus(START_AFTER));
+        if is_due && !self.is_start_acknowledged {
+            self.next_start = now.plus(START_RETRY);
+            said.push(user_command(MavCmd::MAV_CMD_USER_1));
+        }
+        said.extend(self.wishes.drain(..).map(user_command));
+        said.into_iter().map(|message| (GROUND_STATION, message)).collect()
+    }
+
     /// Speaks and listens once per step of the simulation.
     pub fn step(&mut self, now: Stamp<Mono>, autopilot: &mut StubAutopilot) {
         let heard = autopilot.to_ground_station();
@@ -91,23 +108,19 @@ impl Operator {
             station.pass_on(now, autopilot);
             return;
         }
-        if now >= self.next_heartbeat {
-            self.next_heartbeat = now.plus(HEARTBEAT_EVERY);
-            autopilot.forward(now, GROUND_STATION, &heartbeat());
-        }
-        let is_due = now >= self.next_start.max(Stamp::ZERO.plus(START_AFTER));
-        if is_due && !self.is_start_acknowledged {
-            self.next_start = now.plus(START_RETRY);
-            autopilot.forward(now, GROUND_STATION, &user_command(MavCmd::MAV_CMD_USER_1));
-        }
-        for command in self.wishes.drain(..) {
-            autopilot.forward(now, GROUND_STATION, &user_command(command));
+        for (header, message) in self.speak(now) {
+            autopilot.forward(now, header, &message);
         }
     }
 
-    fn hear(&mut self, header: MavHeader, message: &MavMessage) {
+    /// Listens to one message.
+    pub fn hear(&mut self, header: MavHeader, message: &MavMessage) {
         match message {
-            MavMessage::COMMAND_ACK(ack) if ack.command == MavCmd::MAV_CMD_USER_1 => {
+            // An autopilot that does not know its companion yet answers in its place.
+            MavMessage::COMMAND_ACK(ack)
+                if ack.command == MavCmd::MAV_CMD_USER_1
+                    && header.component_id == COMPANION_COMPONENT =>
+            {
                 self.is_start_acknowledged = true;
             }
             MavMessage::STATUSTEXT(text) if header.component_id == COMPANION_COMPONENT => {

@@ -147,10 +147,42 @@ pub struct Measured {
     pub load: Option<ServiceLoad>,
 }
 
+/// What truly became of the vehicle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Flown {
+    /// Length of the true path, m.
+    pub path_length_m: f64,
+    /// Flight time, s.
+    pub time_s: f64,
+    /// The vehicle touched something.
+    pub has_collided: bool,
+}
+
+impl Flown {
+    fn by(rig: &Rig) -> Self {
+        Self {
+            path_length_m: rig.flown_m(),
+            time_s: rig.now().seconds(),
+            has_collided: rig.vehicle().collision().is_some(),
+        }
+    }
+}
+
 impl RunReport {
     /// Puts truth and measurement side by side.
     #[must_use]
     pub fn new(scenario: &Scenario, rig: &Rig, measured: &Measured, log: Option<PathBuf>) -> Self {
+        Self::of(scenario, &Flown::by(rig), measured, log)
+    }
+
+    /// The same for a vehicle that is not the rig's.
+    #[must_use]
+    pub fn of(
+        scenario: &Scenario,
+        flown: &Flown,
+        measured: &Measured,
+        log: Option<PathBuf>,
+    ) -> Self {
         let world = &scenario.world;
         let volume_true_m3 = world.volume_m3();
         let volume = measured.flight.volume;
@@ -161,7 +193,7 @@ impl RunReport {
             surface: scenario.surface.name(),
             variance: scenario.variance.map(Variance::name),
             draws_errors: scenario.conditions.sigmas != CalibrationSigmas::NONE,
-            autopilot: "px4",
+            autopilot: scenario.autopilot.name(),
             lidar: scenario.lidar.name(),
             volume_true_m3,
             volume_m3: volume.volume_m3,
@@ -174,16 +206,16 @@ impl RunReport {
                 .accounts
                 .first()
                 .map_or(0.0, |account| account.shares.disturbed_ratio),
-            path_length_m: rig.flown_m(),
+            path_length_m: flown.path_length_m,
             steps: measured.flight.steps_done,
             beams: measured.flight.hits.received,
             beams_sent: measured.beams_sent,
             beams_dropped: measured.beams_dropped,
-            sim_time_s: rig.now().seconds(),
+            sim_time_s: flown.time_s,
             wall_time_s: measured.wall_time.as_secs_f64(),
             log,
             complete: measured.flight.is_complete,
-            collided: rig.vehicle().collision().is_some(),
+            collided: flown.has_collided,
             coverage: volume.coverage_ratio,
             position_within_3_sigma: measured.poses.within_3_sigma(),
             position_rms_m: measured.poses.position_rms_m(),

@@ -1,7 +1,7 @@
 //! The true hall with the flying vehicle in it: everything that is not stockpilot.
 
 use crate::autopilot::{Flavour, Sensors, StubAutopilot};
-use crate::camera::{CameraModel, CameraSimulator};
+use crate::camera::{CameraModel, CameraSimulator, Picture, PictureCamera};
 use crate::lidar::{LidarModel, LidarSimulator, Optics, Packet, PoseTrack};
 use crate::machine::Machine;
 use crate::vehicle::{MotorCommands, Surroundings, Vehicle, VehicleSettings};
@@ -28,6 +28,8 @@ pub struct Rig {
     track: PoseTrack,
     lidar: Option<LidarSimulator>,
     camera: CameraSimulator,
+    /// Takes the camera's place if it hands over pictures.
+    pictures: Option<PictureCamera>,
     machine: Option<Machine>,
     flown_m: f64,
 }
@@ -39,6 +41,8 @@ pub struct RigOutput {
     pub packets: Vec<Packet>,
     /// Camera frames that arrived.
     pub frames: Vec<TagDetections>,
+    /// Camera pictures that arrived, instead of frames.
+    pub pictures: Vec<Picture>,
     /// MAVLink messages for the companion.
     pub to_companion: Vec<(MavHeader, MavMessage)>,
 }
@@ -57,6 +61,9 @@ impl Rig {
             motors: MotorCommands::default(),
             track: PoseTrack::default(),
             lidar: Some(LidarSimulator::new(lidar, seeds, start)),
+            pictures: camera
+                .pictures
+                .map(|pictures| PictureCamera::new(camera.clone(), pictures, seeds, start)),
             camera: CameraSimulator::new(camera, seeds, start),
             world,
             machine: None,
@@ -107,7 +114,15 @@ impl Rig {
                 .lidar
                 .as_mut()
                 .map_or_else(Vec::new, |lidar| lidar.advance(&self.world, now, pose_at)),
-            frames: self.camera.advance(&self.world, now, pose_at),
+            frames: if self.pictures.is_some() {
+                Vec::new()
+            } else {
+                self.camera.advance(&self.world, now, pose_at)
+            },
+            pictures: self
+                .pictures
+                .as_mut()
+                .map_or_else(Vec::new, |pictures| pictures.advance(&self.world, now, pose_at)),
             to_companion: self.autopilot.take_outgoing(),
         }
     }
@@ -191,7 +206,8 @@ impl Rig {
 /// The skin of solids that does not count as touched, m: the body rests on the floor.
 const SKIN_M: f64 = 0.03;
 
-fn is_solid(world: &World, p: &Point<Hall>) -> bool {
+/// True if a point lies inside anything of the hall, or outside of it.
+pub(crate) fn is_solid(world: &World, p: &Point<Hall>) -> bool {
     let (x, y, z) = (p.coords.x, p.coords.y, p.coords.z);
     let hall = &world.hall;
     let is_outside = !hall.footprint().contains(x, y) || z > crate::world::CEILING_M;

@@ -284,15 +284,26 @@ impl Scenario {
     /// The true vehicle on its pad in the true hall.
     #[must_use]
     pub fn rig(&self) -> Rig {
-        let Conditions { errors, hazards, .. } = &self.conditions;
-        let lidar = hazards.applied_to(&errors.true_lidar(&self.lidar.model()));
-        let rig = Rig::new(self.world.clone(), lidar, self.camera.clone(), self.seed)
+        let rig = Rig::new(self.world.clone(), self.true_lidar(), self.camera.clone(), self.seed)
             .with_autopilot(self.autopilot);
-        if hazards.has_machine {
-            rig.with_machine(Machine::drawn(&self.world, SeedBook::new(self.seed)))
-        } else {
-            rig
+        match self.machine() {
+            Some(machine) => rig.with_machine(machine),
+            None => rig,
         }
+    }
+
+    /// The LiDAR as it truly is.
+    #[must_use]
+    pub fn true_lidar(&self) -> LidarModel {
+        let Conditions { errors, hazards, .. } = &self.conditions;
+        hazards.applied_to(&errors.true_lidar(&self.lidar.model()))
+    }
+
+    /// The machine that drives through the hall, if one does.
+    #[must_use]
+    pub fn machine(&self) -> Option<Machine> {
+        let has_machine = self.conditions.hazards.has_machine;
+        has_machine.then(|| Machine::drawn(&self.world, SeedBook::new(self.seed)))
     }
 }
 

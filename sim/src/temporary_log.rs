@@ -40,6 +40,22 @@ impl TemporaryLog {
         }
     }
 
+    /// See [`crate::campaign::DirectFlight::log_cut_at`].
+    pub(crate) fn is_prefix_when_cut_at(&self, share: f64) -> anyhow::Result<bool> {
+        let whole = std::fs::read(&self.path).context("the log cannot be read")?;
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            clippy::cast_precision_loss,
+            reason = "a share of a length"
+        )]
+        let n_bytes = (whole.len() as f64 * share.clamp(0.0, 1.0)) as usize;
+        let mut cut = LogReader::new(&whole[..n_bytes]);
+        let mut complete = LogReader::new(whole.as_slice());
+        let is_same = cut.by_ref().all(|item| complete.next().as_ref() == Some(&item));
+        Ok(is_same && !cut.is_complete())
+    }
+
     /// Ends the log, reads it again, and counts its events.
     pub(crate) fn close(mut self) -> anyhow::Result<u64> {
         let stats = self.recorder.take().context("the log is closed already")?.close();

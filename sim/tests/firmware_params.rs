@@ -134,3 +134,20 @@ fn every_ardupilot_parameter_is_justified_with_its_value() {
         assert_eq!(cells[2], if is_flown { "flown" } else { "documentation" }, "{name}");
     }
 }
+
+/// Setpoints leave with every second tick. A dozen may be lost before the autopilot lets go, and
+/// what it does then must come sooner than it could fly far.
+#[test]
+fn the_timeouts_of_setpoints_fit_the_rate_of_the_service() {
+    let interval_s = 2.0 / f64::from(stockpilot::pilot::TICK_RATE_HZ);
+    let wanted = |line: &str| line.split(' ').nth(1).unwrap().parse::<f64>().unwrap();
+    let line = ARDUPILOT_FILE.lines().find(|line| line.starts_with("GUID_TIMEOUT ")).unwrap();
+    let ardupilot_s = wanted(line);
+    let px4_s = number(ParamTable::indoor().get("COM_OF_LOSS_T").unwrap());
+    for timeout_s in [ardupilot_s, px4_s] {
+        assert!(timeout_s > 12.0 * interval_s, "{timeout_s} s");
+        assert!(timeout_s <= 1.0, "{timeout_s} s at 2 m/s");
+    }
+    // The firmware takes 0.1 to 5 s.
+    assert!((0.1..=5.0).contains(&ardupilot_s));
+}

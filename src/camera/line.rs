@@ -167,7 +167,8 @@ pub fn read_line(
     Ok(TagDetections { captured_at, received_at, camera, tags, points })
 }
 
-fn check_age(captured_at: Stamp<Mono>, received_at: Stamp<Mono>) -> Result<(), Refusal> {
+/// A stamp must not lie ahead of its arrival nor far before it.
+pub(super) fn check_age(captured_at: Stamp<Mono>, received_at: Stamp<Mono>) -> Result<(), Refusal> {
     let age_s = received_at.seconds_since(captured_at);
     if captured_at.since(received_at) > MAX_AHEAD {
         return Err(Refusal::FromTheFuture { ahead_s: -age_s });

@@ -205,7 +205,7 @@ fn note_refusal(stats: &mut CameraStats, refusal: Refusal) {
 }
 
 /// Makes room for a Unix socket; only a socket is ever removed.
-fn remove_stale_socket(path: &Path) -> io::Result<()> {
+pub(super) fn remove_stale_socket(path: &Path) -> io::Result<()> {
     use std::os::unix::fs::FileTypeExt;
     match std::fs::symlink_metadata(path) {
         Ok(found) if found.file_type().is_socket() => std::fs::remove_file(path),

@@ -4,6 +4,7 @@ use super::camera_info;
 use super::convert::{invalid, mount, seconds, within};
 use super::error::ConfigError;
 use super::file::MountSection;
+use super::images::ImagesSection;
 use crate::geometry::{Body, Camera, Rotation, Transform};
 use crate::localization::camera_model::{CameraModel, Fisheye, Lens, RadialTangential};
 use serde::{Deserialize, Serialize};
@@ -47,6 +48,9 @@ pub struct CameraSection {
     /// Time from the readout of the first row to that of the last, s; 0 for a global shutter.
     #[serde(default)]
     pub readout_s: f64,
+    /// Where its pictures come from, if stockpilot finds the tags itself.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub images: Option<ImagesSection>,
     /// Where it is bolted; at 0, 0, 0 degrees it looks forward with an upright image, and
     /// positive pitch looks down.
     pub mount: MountSection,

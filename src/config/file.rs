@@ -2,6 +2,7 @@
 
 use super::bays::{BaseSection, BaySection, ExclusionSection, default_base_sigma_m};
 use super::cameras::CameraSection;
+use super::images::DetectorSection;
 use super::markers::{MarkersSection, PointSection, TagSection};
 use super::obstacles::{FenceSection, ObstacleSection, SpaceSection};
 use super::page::PageSection;
@@ -42,6 +43,9 @@ pub struct Config {
     /// `unix-stream:PATH`.
     #[serde(default = "default_detections")]
     pub detections: String,
+    /// The own tag detector, for cameras that name the source of their pictures.
+    #[serde(default)]
+    pub detector: DetectorSection,
     /// The cameras, numbered from 0.
     pub cameras: Vec<CameraSection>,
     /// Files with tags and points; empty in the effective configuration.

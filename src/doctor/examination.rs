@@ -1,5 +1,6 @@
 //! Listens to everything for some seconds.
 
+use super::cameras::OwnCameras;
 use super::ports::port;
 use super::{Check, Report, Verdict, judge, serial_ports};
 use crate::camera::{CameraStats, Listener};
@@ -39,6 +40,8 @@ pub struct Examination<'a> {
     pub config: Option<&'a Config>,
     /// Look at the LiDAR on this port only.
     pub port: Option<PathBuf>,
+    /// The autopilot's parameters must be those of this file.
+    pub params: Option<PathBuf>,
     /// How long to wait.
     pub patience: Patience,
     /// The clock that stamps everything.
@@ -118,8 +121,10 @@ impl Examination<'_> {
         let expected = lidar.model;
         let clock = self.clock.clone();
         let driver = Driver::start(lidar, move || clock.now(), scans_tx, &stop);
+        let cameras = OwnCameras::start(config, &self.clock, &frames_tx, &stop);
         let (camera_stats, listener_error) = self.listen(config, frames_tx, &stop).await;
         let address = link.address.to_string();
+        let link_settings = link.clone();
         let setup = ServiceSetup {
             pilot: Pilot::new(pilot),
             link,
@@ -133,16 +138,22 @@ impl Examination<'_> {
         let service = Service::start(setup).await;
         let lidar_status = driver.as_ref().ok().map(Driver::status);
         let service_status = service.as_ref().ok().map(crate::service::RunningService::status);
-        let (began, listened) =
-            self.wait(lidar_status.as_ref(), &camera_stats, service_status.as_ref()).await;
+        let (began, listened) = self
+            .wait(lidar_status.as_ref(), (&camera_stats, &cameras), service_status.as_ref())
+            .await;
         tracing::debug!(seconds = listened.as_secs_f64(), began = began.seconds(), "listened");
         match &driver {
             Ok(driver) => checks.extend(judge::lidar(&driver.status().borrow(), expected)),
             Err(error) => checks.push(cannot_open(&error.to_string())),
         }
-        checks.push(listener_error.unwrap_or_else(|| {
-            judge::detector(&camera_stats.borrow(), &config.detections, listened)
-        }));
+        if cameras.is_empty() {
+            checks.push(listener_error.unwrap_or_else(|| {
+                judge::detector(&camera_stats.borrow(), &config.detections, listened)
+            }));
+        } else {
+            checks.extend(listener_error);
+            checks.extend(cameras.end(listened));
+        }
         match (&service, &service_status) {
             (Ok(_), Some(status)) => checks.extend(judge::autopilot(&status.borrow(), &address)),
             (Err(error), _) => checks.push(Check::with_cure(
@@ -161,6 +172,11 @@ impl Examination<'_> {
             && let Err(error) = service.join().await
         {
             tracing::error!(%error, "the examination's brain died");
+        }
+        // Only now is the link free.
+        if let Some(path) = &self.params {
+            let clock = self.clock.clone();
+            checks.extend(super::parameters::check(path, &link_settings, clock).await);
         }
         checks
     }
@@ -195,7 +211,7 @@ impl Examination<'_> {
     async fn wait(
         &self,
         lidar: Option<&watch::Receiver<LidarStatus>>,
-        camera: &watch::Receiver<CameraStats>,
+        (detector, cameras): (&watch::Receiver<CameraStats>, &OwnCameras),
         service: Option<&watch::Receiver<ServiceStatus>>,
     ) -> (Stamp<Mono>, Duration) {
         let began = self.clock.now();
@@ -207,7 +223,8 @@ impl Examination<'_> {
                 note_streaming(&mut streams_since, &lidar.borrow(), now);
             }
             let is_counted = lidar.is_none() || has_counted(streams_since, now);
-            let sees = camera.borrow().frames > 0;
+            let is_sent = !cameras.is_empty() || detector.borrow().frames > 0;
+            let sees = is_sent && cameras.have_delivered();
             let hears = service.is_none_or(|service| {
                 let status = service.borrow();
                 status.vehicle.is_some() && status.is_clock_known

@@ -2,6 +2,7 @@
 
 use super::{Check, Verdict};
 use crate::camera::CameraStats;
+use crate::camera::images::ImageStats;
 use crate::lidar::{LidarHealth, LidarStatus, Model};
 use crate::service::ServiceStatus;
 use std::time::Duration;
@@ -173,6 +174,36 @@ pub fn detector(stats: &CameraStats, address: &str, listened: Duration) -> Check
     Check::good("detector", found)
 }
 
+/// An own camera and its tag detector after listening for `listened`.
+#[must_use]
+pub fn own_camera(number: u8, stats: &ImageStats, listened: Duration) -> Check {
+    let said = |text: &str| format!("{number}: {text}");
+    if stats.frames == 0 {
+        let found = match &stats.last_error {
+            Some(error) => said(&format!("no good picture of {}: {error}", stats.pictures)),
+            None => said("no picture came"),
+        };
+        let cure = "see that the source of [cameras.images] sends pictures of the configured size";
+        return Check::with_cure("camera", Verdict::Bad, found, cure);
+    }
+    #[expect(clippy::cast_precision_loss, reason = "counts of some seconds")]
+    let rate_hz = stats.frames as f64 / listened.as_secs_f64();
+    let delay_ms = 1e3 * stats.last_delay.as_secs_f64();
+    let found = said(&format!(
+        "{rate_hz:.1} frames/s, {delay_ms:.0} ms for a picture, {} left out, {} refused, {} tags",
+        stats.skipped, stats.refused, stats.tags
+    ));
+    if rate_hz < LEAST_FRAMES_HZ {
+        let cure = "the position needs five frames a second: a larger detector.decimation, smaller pictures";
+        return Check::with_cure("camera", Verdict::Warn, found, cure);
+    }
+    if stats.tags == 0 {
+        let cure = "no tag in any picture: show it one; less exposure against blur, more light, the right family";
+        return Check::with_cure("camera", Verdict::Warn, found, cure);
+    }
+    Check::good("camera", found)
+}
+
 /// The autopilot's lines: its heartbeat, and the comparison of clocks with it.
 #[must_use]
 pub fn autopilot(status: &ServiceStatus, address: &str) -> Vec<Check> {
@@ -294,6 +325,17 @@ mod tests {
         assert_eq!(over_five_s(0), Verdict::Bad);
         assert_eq!(over_five_s(10), Verdict::Warn);
         assert_eq!(over_five_s(100), Verdict::Good);
+    }
+
+    #[test]
+    fn an_own_camera_is_judged_by_pictures_and_tags() {
+        let verdict = |stats: &ImageStats| own_camera(1, stats, Duration::from_secs(5));
+        let silent = verdict(&ImageStats::default());
+        assert!(silent.verdict == Verdict::Bad && silent.found.contains("no picture"));
+        let seeing = ImageStats { pictures: 100, frames: 100, tags: 700, ..ImageStats::default() };
+        assert_eq!(verdict(&seeing).verdict, Verdict::Good);
+        assert_eq!(verdict(&ImageStats { tags: 0, ..seeing.clone() }).verdict, Verdict::Warn);
+        assert_eq!(verdict(&ImageStats { frames: 10, ..seeing }).verdict, Verdict::Warn);
     }
 
     #[test]

@@ -38,6 +38,7 @@ const FIRST_DRIFT_SIGMA_NSPS: f64 = 50e3;
 const DRIFT_WALK_NSPS: f64 = 200.0;
 /// Walk of the offset, ns per √s.
 const OFFSET_WALK_NS: f64 = 2e3;
+const NANOS_PER_MS: i64 = 1_000_000;
 /// A boot time that falls by more than this is a reboot, not a late message.
 const REBOOT_STEP: Duration = Duration::from_secs(1);
 /// Requests that wait for an answer.
@@ -153,6 +154,18 @@ impl AutopilotClock {
                 false
             }
         }
+    }
+
+    /// The time since boot behind a count of milliseconds that begins again every 49.7 days: the one
+    /// nearest to what was heard last.
+    pub(crate) fn boot_from_millis(&self, millis: u32) -> Stamp<Boot> {
+        let Some(latest) = self.latest_boot else {
+            return Stamp::from_nanos(i64::from(millis) * NANOS_PER_MS);
+        };
+        let latest_ms = latest.nanos() / NANOS_PER_MS;
+        let low_ms = u32::try_from(latest_ms.rem_euclid(1 << 32)).unwrap_or(0);
+        let ahead_ms = i64::from(millis.wrapping_sub(low_ms).cast_signed());
+        Stamp::from_nanos((latest_ms + ahead_ms).saturating_mul(NANOS_PER_MS))
     }
 
     /// Forgets the estimate and every request under way.
@@ -344,6 +357,23 @@ mod tests {
             let _sample = exchange(&mut clock, at_ms(step * 100), 100, 100, jumped_ns);
         }
         assert!(offset_error_ns(&clock, 3_000_000_000, jumped_ns).abs() < 1_000);
+    }
+
+    #[test]
+    fn milliseconds_go_on_over_their_wrap() {
+        let mut clock = AutopilotClock::default();
+        assert_eq!(clock.boot_from_millis(17), Stamp::from_nanos(17 * NANOS_PER_MS));
+        let wrap_ms = 1_i64 << 32;
+        for (latest_ms, millis, expected_ms) in [
+            (wrap_ms - 100, u32::MAX - 89, wrap_ms - 90),
+            (wrap_ms - 100, 20, wrap_ms + 20),
+            (wrap_ms + 30, u32::MAX - 9, wrap_ms - 10),
+            (3 * wrap_ms + 5_000, 5_010, 3 * wrap_ms + 5_010),
+        ] {
+            clock.latest_boot = Some(Stamp::from_nanos(latest_ms * NANOS_PER_MS));
+            let boot = clock.boot_from_millis(millis);
+            assert_eq!(boot, Stamp::from_nanos(expected_ms * NANOS_PER_MS), "{millis}");
+        }
     }
 
     #[test]

@@ -36,11 +36,6 @@ pub(crate) fn boot_from_micros(micros: u64) -> Option<Stamp<Boot>> {
     (nanos <= MAX_BOOT_NS).then(|| Stamp::from_nanos(nanos))
 }
 
-/// The instant `millis` after the autopilot's boot.
-pub(crate) fn boot_from_millis(millis: u32) -> Stamp<Boot> {
-    Stamp::from_nanos(i64::from(millis) * 1_000_000)
-}
-
 /// The instant `nanos` after the autopilot's boot.
 pub(crate) fn boot_from_nanos(nanos: i64) -> Option<Stamp<Boot>> {
     (0 < nanos && nanos <= MAX_BOOT_NS).then(|| Stamp::from_nanos(nanos))

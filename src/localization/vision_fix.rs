@@ -31,7 +31,8 @@ use super::marker_map::MarkerMap;
 use crate::geometry::{Body, Hall, Point, Transform};
 use crate::messages::{FixOutcome, PointDetection, TagDetection, TagDetections};
 use crate::stats::chi2_gate_99;
-use least_squares::{Loss, Minimum, Reprojector, minimize};
+pub(in crate::localization) use least_squares::Reprojector;
+use least_squares::{Loss, Minimum, minimize};
 use nalgebra::{Matrix2, Matrix3, Matrix6, Vector2, Vector3};
 
 /// One mapped point and the pixel where it was seen.

@@ -20,6 +20,9 @@ pub(crate) struct DoctorArgs {
     /// Look for a LiDAR on this port only.
     #[arg(long, conflicts_with = "config")]
     port: Option<PathBuf>,
+    /// Compare the autopilot's parameters with this file, one of firmware-params/.
+    #[arg(long, value_name = "FILE", requires = "config")]
+    params: Option<PathBuf>,
     /// Wait at most this long for what does not come, s.
     #[arg(long, value_name = "S", default_value_t = 12)]
     seconds: u64,
@@ -41,6 +44,7 @@ pub(crate) fn run(args: &DoctorArgs) -> anyhow::Result<ExitCode> {
             let examination = Examination {
                 config: config.as_ref(),
                 port: args.port.clone(),
+                params: args.params.clone(),
                 patience: Patience(Duration::from_secs(args.seconds)),
                 clock: Clock::real(),
             };

@@ -1,13 +1,13 @@
 //! `stockpilot params`: the autopilot's parameters beside a file's.
 
-use anyhow::{Context, bail};
+use anyhow::Context;
 use clap::{Args, Subcommand};
 use serde::Serialize;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Duration;
-use stockpilot::link::params::{Comparison, Kind, LiveAutopilot, ParamFile, Value, compare};
+use stockpilot::link::params::{Comparison, Kind, LiveAutopilot, ParamFile, Value};
 use stockpilot::link::signing::{SigningSettings, WallClock};
 use stockpilot::link::{Address, Guard, SecuritySettings};
 use stockpilot::service::clock::Clock;
@@ -91,7 +91,7 @@ pub(crate) fn run(args: &ParamsArgs) -> anyhow::Result<ExitCode> {
 async fn check(args: &LinkArgs) -> anyhow::Result<ExitCode> {
     let file = read_file(&args.file)?;
     let mut autopilot = find(args).await?;
-    let comparisons = compare_all(&file, &mut autopilot).await?;
+    let comparisons = autopilot.compare(&file).await?;
     let wrong: Vec<_> = comparisons.iter().filter(|c| c.problem.is_some()).cloned().collect();
     print(&wrong, comparisons.len(), 0, args.json)?;
     Ok(if wrong.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
@@ -100,7 +100,7 @@ async fn check(args: &LinkArgs) -> anyhow::Result<ExitCode> {
 async fn diff(args: &LinkArgs) -> anyhow::Result<ExitCode> {
     let file = read_file(&args.file)?;
     let mut autopilot = find(args).await?;
-    let comparisons = compare_all(&file, &mut autopilot).await?;
+    let comparisons = autopilot.compare(&file).await?;
     print(&comparisons, comparisons.len(), 0, args.json)?;
     Ok(ExitCode::SUCCESS)
 }
@@ -108,14 +108,14 @@ async fn diff(args: &LinkArgs) -> anyhow::Result<ExitCode> {
 async fn write(args: &LinkArgs) -> anyhow::Result<ExitCode> {
     let file = read_file(&args.file)?;
     let mut autopilot = find(args).await?;
-    let before = compare_all(&file, &mut autopilot).await?;
+    let before = autopilot.compare(&file).await?;
     let changes: Vec<_> = before.iter().filter_map(change).collect();
     let asked: BTreeSet<String> = changes.iter().map(|(name, ..)| name.clone()).collect();
     if !changes.is_empty() {
         autopilot.write(changes).await?;
     }
     // Read anew: what the autopilot has, not what it has answered.
-    let after = compare_all(&file, &mut autopilot).await?;
+    let after = autopilot.compare(&file).await?;
     let n_written = after.iter().filter(|c| c.problem.is_none() && asked.contains(&c.name)).count();
     let wrong: Vec<_> = after.iter().filter(|c| c.problem.is_some()).cloned().collect();
     print(&wrong, after.len(), n_written, args.json)?;
@@ -149,23 +149,6 @@ async fn find(args: &LinkArgs) -> anyhow::Result<LiveAutopilot<Clock>> {
     let settings = SecuritySettings { peers: Vec::new(), signing };
     let guard = Guard::open(&settings, WallClock::new(move || wall.since_1970()))?;
     Ok(LiveAutopilot::find(&args.link, guard, clock).await?)
-}
-
-async fn compare_all(
-    file: &ParamFile,
-    autopilot: &mut LiveAutopilot<Clock>,
-) -> anyhow::Result<Vec<Comparison>> {
-    let names: Vec<String> = file.lines.iter().map(|line| line.name.clone()).collect();
-    let outcomes = autopilot.read(&names).await?;
-    if outcomes.iter().all(|outcome| outcome.found.is_none()) {
-        bail!("the autopilot answers none of {} parameters", names.len());
-    }
-    Ok(file
-        .lines
-        .iter()
-        .zip(outcomes)
-        .map(|(line, outcome)| compare(line, outcome.found))
-        .collect())
 }
 
 #[expect(clippy::print_stdout, reason = "the program's output")]

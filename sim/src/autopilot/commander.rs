@@ -160,6 +160,11 @@ impl Commander {
         };
         if fallback.is_some() && self.failsafe.is_none() {
             outbox.text(MavSeverity::MAV_SEVERITY_CRITICAL, "Failsafe activated");
+            if fallback == Some(Px4Mode::Position) {
+                // There are no sticks.
+                let text = "Matching flight task was not able to run";
+                outbox.text(MavSeverity::MAV_SEVERITY_CRITICAL, text);
+            }
         }
         self.failsafe = fallback;
     }

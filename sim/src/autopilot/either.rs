@@ -106,6 +106,12 @@ impl StubAutopilot {
         either!(self, stub => stub.forward(now, header, message));
     }
 
+    /// The simulator that the autopilot runs in says where the vehicle truly is, in the message that
+    /// the family tells it with; it leaves on request only.
+    pub fn is_told_the_truth(&mut self, truth: MavMessage) {
+        either!(self, stub => stub.truth = Some(truth));
+    }
+
     /// Messages for the companion since the last call.
     pub fn take_outgoing(&mut self) -> Vec<(MavHeader, MavMessage)> {
         either!(self, stub => stub.take_outgoing())

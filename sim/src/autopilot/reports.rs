@@ -160,3 +160,38 @@ pub(super) fn small_int(value: f64) -> i32 {
 pub(super) fn percent(ratio: f64) -> i8 {
     i8::try_from(whole((ratio * 100.0).clamp(0.0, 100.0))).unwrap_or(-1)
 }
+
+/// What `SYS_STATUS` says beside the battery's numbers.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Health {
+    pub(super) has_position: bool,
+    pub(super) has_charge: bool,
+    /// The checks for the present mode pass.
+    pub(super) is_armable: bool,
+}
+
+/// Gyroscopes, accelerometers and barometer are always there and well.
+const ALWAYS_WELL: u32 = 0x0000_000b;
+const AHRS: u32 = 0x0020_0000;
+const BATTERY: u32 = 0x0200_0000;
+const PREARM: u32 = 0x1000_0000;
+
+pub(super) fn sys_status(sensors: &Sensors, health: Health) -> MavMessage {
+    let bits = |bits| m::MavSysStatusSensor::from_bits_retain(bits);
+    let present = bits(ALWAYS_WELL | AHRS | BATTERY | PREARM);
+    let well =
+        [(health.has_position, AHRS), (health.has_charge, BATTERY), (health.is_armable, PREARM)]
+            .iter()
+            .filter(|(is_well, _)| *is_well)
+            .fold(ALWAYS_WELL, |well, (_, bit)| well | bit);
+    MavMessage::SYS_STATUS(m::SYS_STATUS_DATA {
+        onboard_control_sensors_present: present,
+        onboard_control_sensors_enabled: present,
+        onboard_control_sensors_health: bits(well),
+        load: 300,
+        voltage_battery: u16::try_from(whole(sensors.battery_voltage_v * 1e3)).unwrap_or(0),
+        current_battery: i16::try_from(whole(sensors.battery_current_a * 1e2)).unwrap_or(-1),
+        battery_remaining: percent(sensors.battery_charge_ratio),
+        ..m::SYS_STATUS_DATA::DEFAULT
+    })
+}

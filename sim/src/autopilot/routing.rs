@@ -188,7 +188,7 @@ impl StubPx4 {
     }
 }
 
-/// Messages of the link itself stay on it.
+/// Messages of the link itself stay on it; a key in the clear goes nowhere.
 pub(super) const fn is_forwarded(message: &MavMessage) -> bool {
     !matches!(
         message,
@@ -197,6 +197,7 @@ pub(super) const fn is_forwarded(message: &MavMessage) -> bool {
             | MavMessage::SET_POSITION_TARGET_LOCAL_NED(_)
             | MavMessage::SET_GPS_GLOBAL_ORIGIN(_)
             | MavMessage::SET_MODE(_)
+            | MavMessage::SETUP_SIGNING(_)
     )
 }
 

@@ -15,7 +15,9 @@ pub(super) mod id {
     pub(in crate::autopilot) const GPS_GLOBAL_ORIGIN: u32 = 49;
     pub(in crate::autopilot) const POSITION_TARGET_LOCAL_NED: u32 = 85;
     pub(in crate::autopilot) const HIGHRES_IMU: u32 = 105;
+    pub(in crate::autopilot) const SIM_STATE: u32 = 108;
     pub(in crate::autopilot) const TIMESYNC: u32 = 111;
+    pub(in crate::autopilot) const HIL_STATE_QUATERNION: u32 = 115;
     pub(in crate::autopilot) const BATTERY_STATUS: u32 = 147;
     pub(in crate::autopilot) const AUTOPILOT_VERSION: u32 = 148;
     pub(in crate::autopilot) const ESTIMATOR_STATUS: u32 = 230;
@@ -28,7 +30,7 @@ pub(super) mod id {
 }
 
 /// Default rate of each stream on the companion's link, mHz; 0 for those on request only.
-const DEFAULT_MILLIHZ: [(u32, u64); 17] = [
+const DEFAULT_MILLIHZ: [(u32, u64); 18] = [
     (id::HEARTBEAT, 1_000),
     (id::SYS_STATUS, 1_000),
     (id::SYSTEM_TIME, 1_000),
@@ -46,6 +48,7 @@ const DEFAULT_MILLIHZ: [(u32, u64); 17] = [
     (id::HOME_POSITION, 500),
     (id::EXTENDED_SYS_STATE, 5_000),
     (id::ODOMETRY, 30_000),
+    (id::HIL_STATE_QUATERNION, 0),
 ];
 
 /// What leaves on the ground station's link, mHz: enough for a display.

@@ -101,6 +101,8 @@ pub struct StubPx4 {
     pub(super) companion_heard_at: Option<Stamp<Boot>>,
     pub(super) is_companion_lost: bool,
     pub(super) sensors: Sensors,
+    /// What its simulator says of the true motion, if it runs in one.
+    pub(in crate::autopilot) truth: Option<MavMessage>,
     pub(super) accel_frd_mps2: Vector3<f64>,
     pub(super) gyro_frd_radps: Vector3<f64>,
 }
@@ -142,6 +144,7 @@ impl StubPx4 {
             companion_heard_at: None,
             is_companion_lost: false,
             sensors: Sensors::nothing(imu),
+            truth: None,
             accel_frd_mps2: zero,
             gyro_frd_radps: zero,
         }

@@ -1,8 +1,8 @@
 //! The messages of the streams.
 
-use super::frames::{single, whole, wire_quaternion};
+use super::frames::{single, wire_quaternion};
 use super::modes::Px4Mode;
-use super::reports::{self, percent};
+use super::reports::{self, Health};
 use super::streams::id;
 use super::stub::StubPx4;
 use mavlink::dialects::ardupilotmega as m;
@@ -36,6 +36,7 @@ impl StubPx4 {
             id::HOME_POSITION => self.home_position()?,
             id::EXTENDED_SYS_STATE => self.extended_sys_state(),
             id::ODOMETRY => self.odometry(),
+            id::HIL_STATE_QUATERNION => self.truth.clone()?,
             _ => return None,
         })
     }
@@ -53,14 +54,13 @@ impl StubPx4 {
     }
 
     fn sys_status(&self) -> MavMessage {
-        let battery = &self.sensors;
-        MavMessage::SYS_STATUS(m::SYS_STATUS_DATA {
-            load: 300,
-            voltage_battery: u16::try_from(whole(battery.battery_voltage_v * 1e3)).unwrap_or(0),
-            current_battery: i16::try_from(whole(battery.battery_current_a * 1e2)).unwrap_or(-1),
-            battery_remaining: percent(battery.battery_charge_ratio),
-            ..m::SYS_STATUS_DATA::DEFAULT
-        })
+        let facts = self.facts();
+        let health = Health {
+            has_position: facts.is_position_valid,
+            has_charge: self.sensors.battery_charge_ratio >= self.params.real("BAT_CRIT_THR"),
+            is_armable: facts.allow(self.commander.active()),
+        };
+        reports::sys_status(&self.sensors, health)
     }
 
     fn global_position(&self) -> Option<MavMessage> {

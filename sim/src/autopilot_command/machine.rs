@@ -1,5 +1,6 @@
-//! The vehicle with the stub in it, on an open floor.
+//! The vehicle with the stub in it, on an open floor: x north, y west, z up.
 
+use super::home::Home;
 use crate::autopilot::{Flavour, Sensors, StubAutopilot};
 use crate::vehicle::{MotorCommands, Surroundings, Vehicle, VehicleSettings};
 use mavlink::MavHeader;
@@ -26,17 +27,20 @@ pub(super) struct Machine {
     motors: MotorCommands,
     /// When the built-in tracking speaks next, if there is one.
     vision_due: Option<Stamp<Mono>>,
+    home: Home,
 }
 
 impl Machine {
-    pub(super) fn new(autopilot: StubAutopilot, is_tracked: bool, seed: u64) -> Self {
-        let pad = Transform::new(Rotation::identity(), Point::new(0.0, 0.0, STANDING_M));
+    pub(super) fn new(autopilot: StubAutopilot, is_tracked: bool, home: Home, seed: u64) -> Self {
+        let heading = Rotation::from_euler_rad(0.0, 0.0, home.yaw_rad());
+        let pad = Transform::new(heading, Point::new(0.0, 0.0, STANDING_M));
         let seeds = SeedBook::new(seed);
         Self {
             vehicle: Vehicle::new(VehicleSettings::default(), &pad, Stamp::ZERO, seeds),
             autopilot,
             motors: MotorCommands::default(),
             vision_due: is_tracked.then_some(Stamp::ZERO),
+            home,
         }
     }
 
@@ -53,6 +57,7 @@ impl Machine {
             }
         };
         let sensors = Sensors::read(&mut self.vehicle, imu);
+        self.autopilot.is_told_the_truth(self.truth());
         self.motors = self.autopilot.step(&sensors);
         let now = self.now();
         if let Some(due) = self.vision_due.filter(|due| *due <= now) {
@@ -60,6 +65,11 @@ impl Machine {
             let odometry = self.tracked();
             self.autopilot.on_message(now, TRACKER, &odometry);
         }
+    }
+
+    /// Where the vehicle truly is, as the family's simulator says it.
+    pub(super) fn truth(&self) -> MavMessage {
+        self.home.truth(self.autopilot.flavour(), &self.vehicle)
     }
 
     /// What a motion capture system would send: the true pose in the frames that this autopilot

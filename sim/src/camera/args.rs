@@ -1,7 +1,7 @@
 //! Options of the camera.
 
-use super::CameraModel;
-use clap::Args;
+use super::{CameraModel, PictureModel};
+use clap::{Args, ValueEnum};
 use std::time::Duration;
 
 /// The camera's options that `fly` and `campaign` share.
@@ -18,6 +18,29 @@ impl CameraArgs {
         if let Some(latency_ms) = self.camera_latency_ms {
             let latency = Duration::from_millis(latency_ms);
             camera.detector.latency = (latency, latency);
+        }
+    }
+}
+
+/// What the camera hands over.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum CameraOutput {
+    /// Tags, as exact as a good detector finds them.
+    Tags,
+    /// Rendered pictures.
+    Rendered,
+}
+
+/// How exact the service's own detector finds corners in rendered pictures, px; measured by
+/// `corners_are_found_where_the_world_projects_them`.
+const FOUND_SIGMA_PX: f64 = 0.15;
+
+impl CameraOutput {
+    /// Changes the camera as the option says.
+    pub const fn apply(self, camera: &mut CameraModel) {
+        if matches!(self, Self::Rendered) {
+            camera.pictures = Some(PictureModel::usual());
+            camera.detector.pixel_sigma_px = FOUND_SIGMA_PX;
         }
     }
 }

@@ -1,6 +1,6 @@
 //! A pinhole with radial and tangential distortion.
 
-use nalgebra::Vector3;
+use nalgebra::{Vector2, Vector3};
 
 /// Intrinsics of a camera.
 ///
@@ -72,6 +72,31 @@ impl Lens {
         let bent_x = radial * x + 2.0 * self.p1 * x * y + self.p2 * (r2 + 2.0 * x * x);
         let bent_y = radial * y + self.p1 * (r2 + 2.0 * y * y) + 2.0 * self.p2 * x * y;
         Some([self.fx_px * bent_x + self.cx_px, self.fy_px * bent_y + self.cy_px])
+    }
+
+    /// (X/Z, Y/Z) of what is seen at a pixel: the inverse of [`Self::project`], by iteration.
+    ///
+    /// `None` if it does not end, far outside of the picture.
+    #[must_use]
+    pub fn ray(&self, pixel: &Vector2<f64>) -> Option<Vector2<f64>> {
+        let bent =
+            Vector2::new((pixel.x - self.cx_px) / self.fx_px, (pixel.y - self.cy_px) / self.fy_px);
+        let mut ray = bent;
+        for _ in 0..50 {
+            let (x, y, r2) = (ray.x, ray.y, ray.norm_squared());
+            let radial = 1.0 + r2 * (self.k1 + r2 * self.k2);
+            let sideways = Vector2::new(
+                2.0 * self.p1 * x * y + self.p2 * (r2 + 2.0 * x * x),
+                self.p1 * (r2 + 2.0 * y * y) + 2.0 * self.p2 * x * y,
+            );
+            let next = (bent - sideways) / radial;
+            let step = (next - ray).norm();
+            ray = next;
+            if step < 1e-12 {
+                return Some(ray);
+            }
+        }
+        None
     }
 
     /// r² a fifth outside of the corners of the picture without distortion.

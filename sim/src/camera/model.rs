@@ -1,6 +1,6 @@
 //! What a camera and its marker detector are like.
 
-use super::Lens;
+use super::{Lens, PictureModel};
 use nalgebra::Matrix3;
 use std::time::Duration;
 use stockpilot::geometry::{Body, Camera, Point, Rotation, Transform};
@@ -15,6 +15,8 @@ pub struct CameraModel {
     pub lens: Lens,
     /// True mounting on the body.
     pub body_from_camera: Transform<Body, Camera>,
+    /// How it takes pictures, if it hands over those instead of markers.
+    pub pictures: Option<PictureModel>,
     /// What the detector makes of its pictures.
     pub detector: DetectorModel,
 }
@@ -48,6 +50,7 @@ impl CameraModel {
             id: CameraId(0),
             lens: Lens::wide(),
             body_from_camera: mounted(0.0, 10_f64.to_radians(), 0.0, Point::new(0.10, 0.0, 0.03)),
+            pictures: None,
             detector: DetectorModel::usual(),
         }
     }

@@ -181,12 +181,37 @@ impl Bench {
     pub fn safe_within(&mut self, limit_s: f64, what: &str, is_safe: impl Fn(&Self) -> bool) {
         let left_s = (limit_s - self.since_s()).max(0.0);
         if self.until(left_s, is_safe) {
-            self.time_to_safe_s.get_or_insert(self.since_s());
+            self.safe_now();
         } else {
             let mode = self.flight.rig.autopilot().mode_name();
             let text = format!("not within {limit_s} s: {what}; {:?}, {mode}", self.phase());
             self.expectations.complain(text);
         }
+    }
+
+    /// The safe state is reached now, if it was not before.
+    pub fn safe_now(&mut self) {
+        let since_s = self.since_s();
+        self.time_to_safe_s.get_or_insert(since_s);
+    }
+
+    /// How far the brain's own belief is from the truth, m; 0 without a belief.
+    #[must_use]
+    pub fn belief_error_m(&self) -> f64 {
+        let error_m = self.flight.estimate().and_then(|estimate| {
+            let truth = self.flight.rig.vehicle().pose_at(estimate.at)?;
+            Some((truth.origin.coords - estimate.hall_from_body.origin.coords).norm())
+        });
+        error_m.unwrap_or(0.0)
+    }
+
+    /// How far the autopilot's belief is from the brain's, m; 0 without a belief.
+    #[must_use]
+    pub fn disagreement_m(&self) -> f64 {
+        let (autopilot, _) = self.flight.rig.autopilot().believed_motion();
+        self.flight
+            .estimate()
+            .map_or(0.0, |own| (autopilot.origin.coords - own.hall_from_body.origin.coords).norm())
     }
 
     /// The flight may stay as it is: it is safe already.

@@ -3,6 +3,7 @@
 mod autopilot;
 mod companion;
 mod hazards;
+mod limits;
 mod link;
 mod people;
 mod sensors;
@@ -88,10 +89,15 @@ pub const CASES: &[Case] = &[
     both(25, "narrow halls", sensors::narrow_halls),
     both(26, "autopilot's estimate disagrees", autopilot::disagreement),
     both(27, "frames, closed loop", sensors::frames),
+    both(28, "power cut: the log up to then", limits::power_cut),
+    both(29, "computer at a third of its speed", limits::slow_computer),
+    both(30, "link saturated at 57600 baud", limits::slow_link),
     both(31, "no marker in view, no origin", autopilot::no_take_off),
     both(32, "ODOMETRY too seldom, wrong frame", autopilot::odometry_refused),
+    both(33, "49.7 days wrap, parameters set in flight", limits::wraps),
     only(Px4, 101, "PX4: origin at 489 m, then a gap of vision", hazards::high_origin),
     only(Px4, 102, "PX4: Hold after loss needs a level origin", hazards::hold_on_loss),
+    only(Px4, 103, "PX4: defaults after setpoint loss", hazards::default_loss_action),
     only(Px4, 104, "PX4: would follow again by itself", hazards::reentry),
     only(ArduPilot, 105, "ArduPilot: setpoint on the ground", hazards::early_setpoint),
     only(ArduPilot, 106, "ArduPilot: notices lost vision late", hazards::late_notice),

@@ -1,10 +1,13 @@
 //! The link between companion and autopilot, in a tester's hands.
 
-use mavlink::MavHeader;
 use mavlink::dialects::ardupilotmega::MavMessage;
+use mavlink::{MAVLinkV2MessageRaw, MavHeader};
 use std::collections::VecDeque;
 use std::time::Duration;
 use stockpilot::time::{Mono, Stamp};
+
+/// A transmitter holds this much; what comes on top is lost, bytes.
+const TRANSMITTER_BYTES: f64 = 1_024.0;
 
 /// A message with its sender.
 pub(super) type Addressed = (MavHeader, MavMessage);
@@ -30,6 +33,10 @@ pub struct LinkLayer {
     pub delay_to_companion: Duration,
     /// From the companion's sending to the autopilot's hearing.
     pub delay_to_autopilot: Duration,
+    /// What the line carries in each direction, bytes/s; as much as there is if `None`.
+    pub bytes_per_s: Option<f64>,
+    /// When the line is free again: to the companion, to the autopilot.
+    free_at: [Stamp<Mono>; 2],
     tamper: Option<Tamper>,
     to_companion: VecDeque<(Stamp<Mono>, Addressed)>,
     to_autopilot: VecDeque<(Stamp<Mono>, Addressed)>,
@@ -57,6 +64,7 @@ impl LinkLayer {
         self.is_cut = false;
         self.delay_to_companion = Duration::ZERO;
         self.delay_to_autopilot = Duration::ZERO;
+        self.bytes_per_s = None;
         self.tamper = None;
     }
 
@@ -91,8 +99,30 @@ impl LinkLayer {
             queue.clear();
             return Vec::new();
         }
-        queue.extend(sent.into_iter().map(|one| (now.plus(delay), one)));
+        let free_at = &mut self.free_at[usize::from(way == Way::ToAutopilot)];
+        for one in sent {
+            let Some(left_at) = transmitted(&one, now, self.bytes_per_s, free_at) else { continue };
+            queue.push_back((left_at.plus(delay), one));
+        }
         let n_due = queue.iter().take_while(|(due, _)| *due <= now).count();
         queue.drain(..n_due).map(|(_, one)| one).collect()
     }
+}
+
+/// When the last byte of a message has left; `None` if it finds no room.
+fn transmitted(
+    (header, message): &Addressed,
+    now: Stamp<Mono>,
+    bytes_per_s: Option<f64>,
+    free_at: &mut Stamp<Mono>,
+) -> Option<Stamp<Mono>> {
+    let Some(bytes_per_s) = bytes_per_s else { return Some(now) };
+    if free_at.since(now).as_secs_f64() * bytes_per_s > TRANSMITTER_BYTES {
+        return None;
+    }
+    let mut raw = MAVLinkV2MessageRaw::new();
+    raw.serialize_message(*header, message);
+    let takes = Duration::from_secs_f64(raw.raw_bytes().len() as f64 / bytes_per_s);
+    *free_at = now.max(*free_at).plus(takes);
+    Some(*free_at)
 }

@@ -226,3 +226,40 @@ fn messages_pass_between_the_links() {
     let heard = flight.ground.iter().find(|(_, message)| *message == value);
     assert_eq!(heard.map(|(header, _)| header.component_id), Some(COMPANION_COMPONENT));
 }
+
+#[test]
+fn a_key_in_the_clear_goes_nowhere() {
+    let mut flight = on_pad();
+    let setup = MavMessage::SETUP_SIGNING(m::SETUP_SIGNING_DATA {
+        secret_key: [0xA5; 32],
+        ..m::SETUP_SIGNING_DATA::DEFAULT
+    });
+    flight.received.clear();
+    let now = flight.now();
+    flight.stub.forward(now, OPERATOR, &setup);
+    flight.send(&setup);
+    flight.collect();
+    assert!(!flight.received.contains(&setup));
+    assert!(!flight.ground.iter().any(|(_, message)| *message == setup));
+}
+
+#[test]
+fn sys_status_says_whether_it_could_be_armed() {
+    const AHRS: u32 = 0x0020_0000;
+    const PREARM: u32 = 0x1000_0000;
+    let health = |flight: &mut Loop| {
+        flight.received.clear();
+        flight.run(1.1);
+        let status = flight.received.iter().find_map(|message| match message {
+            MavMessage::SYS_STATUS(data) => Some(data.onboard_control_sensors_health.bits()),
+            _ => None,
+        });
+        status.expect("one a second")
+    };
+    let mut flight = on_pad();
+    // Vision is there, so the place is known; Hold wants a global one.
+    assert_eq!(health(&mut flight) & (AHRS | PREARM), AHRS);
+    flight.set_mode(6.0, 0.0);
+    flight.wish = Some(Wish::stay(flight.place()));
+    assert_eq!(health(&mut flight) & (AHRS | PREARM), AHRS | PREARM);
+}

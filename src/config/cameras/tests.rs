@@ -10,6 +10,7 @@ fn section() -> CameraSection {
         lens: LensName::RadialTangential,
         distortion: vec![-0.1, 0.02, 0.001, -0.002],
         readout_s: 0.012,
+        images: None,
         mount: MountSection { position_m: [0.1, 0.0, 0.0], rotation_deg: [0.0, 10.0, 0.0] },
     }
 }

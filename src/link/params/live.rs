@@ -1,6 +1,8 @@
 //! An autopilot on the other end of a link, for tools.
 
+use super::comparison::{Comparison, compare};
 use super::exchange::{Exchange, Outcome};
+use super::file::ParamFile;
 use super::value::{Encoding, Kind, Value};
 use crate::link::transport::{Outgoing, Timer, Transport};
 use crate::link::{AUTOPILOT_COMPONENT, Address, Guard, OWN_COMPONENT};
@@ -35,6 +37,12 @@ pub enum LiveError {
     /// The motors may turn.
     #[error("the autopilot is armed: parameters are written on the ground only")]
     Armed,
+    /// It speaks, but tells no parameter.
+    #[error("the autopilot answers none of {n_asked} parameters")]
+    Mute {
+        /// How many it was asked for.
+        n_asked: usize,
+    },
     /// The link's task has ended.
     #[error("the link has ended")]
     Ended,
@@ -102,6 +110,20 @@ impl<T: Timer> LiveAutopilot<T> {
     /// [`LiveError::Ended`].
     pub async fn read(&mut self, names: &[String]) -> Result<Vec<Outcome>, LiveError> {
         self.work_off(Exchange::read(self.system, self.encoding, names)).await
+    }
+
+    /// Every line of a file beside what the autopilot has.
+    ///
+    /// # Errors
+    /// [`LiveError::Ended`], and [`LiveError::Mute`] if it answers not a single one.
+    pub async fn compare(&mut self, file: &ParamFile) -> Result<Vec<Comparison>, LiveError> {
+        let names: Vec<String> = file.lines.iter().map(|line| line.name.clone()).collect();
+        let outcomes = self.read(&names).await?;
+        if outcomes.iter().all(|outcome| outcome.found.is_none()) {
+            return Err(LiveError::Mute { n_asked: names.len() });
+        }
+        let pairs = std::iter::zip(&file.lines, outcomes);
+        Ok(pairs.map(|(line, outcome)| compare(line, outcome.found)).collect())
     }
 
     /// Writes values of the autopilot's own types, and says what it has afterwards.

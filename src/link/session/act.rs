@@ -51,7 +51,7 @@ impl Session {
         self.count_sent(sent_before, out);
     }
 
-    /// What to answer the own page for what the mission says; see [`super::OperatorDesk::answer`].
+    /// What to answer the own page for what the mission says; see `OperatorDesk::answer`.
     pub fn own_answer(&mut self, answer: &OperatorAnswer, now: Stamp<Mono>) -> bool {
         self.operators.answer(answer, now)
     }

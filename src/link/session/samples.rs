@@ -62,7 +62,7 @@ impl Session {
             self.stats.refused_values += 1;
             return;
         };
-        let boot = inbound::boot_from_millis(data.time_boot_ms);
+        let boot = self.clock.boot_from_millis(data.time_boot_ms);
         let Some(at) = self.stamp(boot, arrived) else { return };
         let attitude = self.autopilot.as_ref().and_then(|autopilot| autopilot.attitude);
         let hall_from_body_rot =

@@ -43,7 +43,7 @@ impl Loss {
 }
 
 /// Projects hall points from one pose; what the points share is computed once.
-pub(super) struct Reprojector<'a> {
+pub(in crate::localization) struct Reprojector<'a> {
     camera: &'a CameraModel,
     body_from_hall: Transform<Body, Hall>,
     camera_from_body: Transform<Camera, Body>,
@@ -52,7 +52,10 @@ pub(super) struct Reprojector<'a> {
 }
 
 impl<'a> Reprojector<'a> {
-    pub(super) fn new(camera: &'a CameraModel, hall_from_body: &Transform<Hall, Body>) -> Self {
+    pub(in crate::localization) fn new(
+        camera: &'a CameraModel,
+        hall_from_body: &Transform<Hall, Body>,
+    ) -> Self {
         let body_from_hall = hall_from_body.inverse();
         let camera_from_body = camera.body_from_camera.inverse();
         let R_cb = camera_from_body.rotation.matrix();
@@ -65,7 +68,10 @@ impl<'a> Reprojector<'a> {
     /// ```text
     /// p_c = R_cb (Rᵀ (P − p) − t_bc),   ∂p_c/∂p = −R_cb Rᵀ,   ∂p_c/∂θ = R_cb [Rᵀ (P − p)]^
     /// ```
-    pub(super) fn reproject(&self, place: &Point<Hall>) -> Option<(Vector2<f64>, Matrix2x6<f64>)> {
+    pub(in crate::localization) fn reproject(
+        &self,
+        place: &Point<Hall>,
+    ) -> Option<(Vector2<f64>, Matrix2x6<f64>)> {
         let p_body = self.body_from_hall * *place;
         let (pixel, by_p_camera) = self.camera.project(&(self.camera_from_body * p_body))?;
         let mut J = Matrix2x6::zeros();
@@ -79,7 +85,7 @@ impl<'a> Reprojector<'a> {
     /// ```text
     /// ∂p_c/∂P = R_cb Rᵀ = −∂p_c/∂p
     /// ```
-    pub(super) fn by_place(J: &Matrix2x6<f64>) -> Matrix2x3<f64> {
+    pub(in crate::localization) fn by_place(J: &Matrix2x6<f64>) -> Matrix2x3<f64> {
         -J.fixed_columns::<3>(0)
     }
 }

@@ -70,6 +70,8 @@ pub struct StubArduPilot {
     /// A changed mode is told at once.
     pub(super) heartbeat_is_due: bool,
     pub(super) sensors: Sensors,
+    /// What its simulator says of the true motion, if it runs in one.
+    pub(in crate::autopilot) truth: Option<MavMessage>,
     pub(super) accel_frd_mps2: Vector3<f64>,
     pub(super) gyro_frd_radps: Vector3<f64>,
 }
@@ -123,6 +125,7 @@ impl StubArduPilot {
             origin: None,
             heartbeat_is_due: false,
             sensors: Sensors::nothing(imu),
+            truth: None,
             accel_frd_mps2: zero,
             gyro_frd_radps: zero,
         }

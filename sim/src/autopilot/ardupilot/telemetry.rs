@@ -2,8 +2,8 @@
 
 use super::modes::ApMode;
 use super::stub::StubArduPilot;
-use crate::autopilot::frames::{single, whole};
-use crate::autopilot::reports::{self, Felt, percent};
+use crate::autopilot::frames::single;
+use crate::autopilot::reports::{self, Felt, Health};
 use crate::autopilot::streams::{Streams, id};
 use mavlink::dialects::ardupilotmega as m;
 use mavlink::dialects::ardupilotmega::MavMessage;
@@ -28,13 +28,11 @@ const MILLIHZ: [(u32, u64); N_STREAMS] = [
     (id::EKF_STATUS_REPORT, 0),
     (id::HOME_POSITION, 0),
     (id::EXTENDED_SYS_STATE, 0),
+    (id::SIM_STATE, 0),
 ];
 
 /// Number of streams.
-pub(super) const N_STREAMS: usize = 18;
-
-/// `SYS_STATUS` health bit of the checks before arming, evaluated for the present mode.
-const PREARM_BIT: u32 = 0x1000_0000;
+pub(super) const N_STREAMS: usize = 19;
 
 /// The streams of one link after a boot.
 pub(super) fn streams() -> Streams {
@@ -84,6 +82,7 @@ impl StubArduPilot {
             id::EKF_STATUS_REPORT => self.ekf_status(),
             id::HOME_POSITION => self.home_position()?,
             id::EXTENDED_SYS_STATE => self.extended_sys_state(),
+            id::SIM_STATE => self.truth.clone()?,
             _ => return None,
         })
     }
@@ -120,17 +119,12 @@ impl StubArduPilot {
     }
 
     fn sys_status(&self) -> MavMessage {
-        let battery = &self.sensors;
-        let is_armable = self.failing_checks(false).is_empty();
-        let health = if is_armable { PREARM_BIT } else { 0 };
-        MavMessage::SYS_STATUS(m::SYS_STATUS_DATA {
-            onboard_control_sensors_health: m::MavSysStatusSensor::from_bits_retain(health),
-            load: 300,
-            voltage_battery: u16::try_from(whole(battery.battery_voltage_v * 1e3)).unwrap_or(0),
-            current_battery: i16::try_from(whole(battery.battery_current_a * 1e2)).unwrap_or(-1),
-            battery_remaining: percent(battery.battery_charge_ratio),
-            ..m::SYS_STATUS_DATA::DEFAULT
-        })
+        let health = Health {
+            has_position: self.belief.is_position_valid,
+            has_charge: true,
+            is_armable: self.failing_checks(false).is_empty(),
+        };
+        reports::sys_status(&self.sensors, health)
     }
 
     /// Latitude and longitude are 0 before there is an origin.

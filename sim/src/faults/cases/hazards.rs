@@ -41,6 +41,9 @@ fn gap_of_vision(bench: &mut Bench, keeps_origin: bool) -> f64 {
     for _ in 0..1_600 {
         bench.step();
         climb_m = climb_m.max(bench.place().z - height_m);
+        if bench.phase() == Phase::Land {
+            bench.safe_now();
+        }
     }
     climb_m
 }
@@ -94,6 +97,23 @@ pub(super) fn hold_on_loss(lab: &mut Lab) -> anyhow::Result<()> {
             b.flight.rig.autopilot().mode_name() == "Loiter"
         });
         let is_down = bench.until(60.0, Bench::is_down);
+        bench.demand(is_down, "on the ground in the end");
+    })
+}
+
+/// With PX4's own default nobody flies after the loss: it says that it cannot, and sinks blindly.
+pub(super) fn default_loss_action(lab: &mut Lab) -> anyhow::Result<()> {
+    lab.fly(|bench| {
+        if let Some(stub) = bench.autopilot().px4_mut() {
+            stub.params_mut().set("COM_OBL_RC_ACT", ParamValue::Int(0));
+        }
+        bench.survey();
+        bench.strike();
+        bench.flight.kill_companion();
+        bench.safe_within(2.0, "no setpoint flies it", |b| {
+            b.flight.rig.autopilot().mode_name() == "Position"
+        });
+        let is_down = bench.until(40.0, Bench::is_down);
         bench.demand(is_down, "on the ground in the end");
     })
 }

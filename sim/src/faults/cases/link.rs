@@ -2,6 +2,7 @@
 
 use super::Lab;
 use super::companion::left_alone;
+use crate::autopilot::Flavour;
 use crate::faults::bench::Bench;
 use crate::faults::link_layer::{Addressed, Way};
 use anyhow::Context;
@@ -65,30 +66,80 @@ pub(super) fn timesync(lab: &mut Lab) -> anyhow::Result<()> {
     })
 }
 
+/// Every eighth inertial sample for five seconds, then none for `gap_s`, then each one twice.
+fn thin_out(bench: &mut Bench, gap_s: f64) {
+    let struck_at = bench.now();
+    let mut n_samples = 0_u32;
+    let mut last_passed_s = 0.0_f64;
+    bench.flight.link.tamper_with(move |way, now, one| {
+        if way != Way::ToCompanion || !matches!(one.1, MavMessage::HIGHRES_IMU(_)) {
+            return vec![one];
+        }
+        n_samples += 1;
+        let age_s = now.seconds_since(struck_at);
+        let is_thin = age_s < 5.0;
+        // The gap is counted from the last sample that passed.
+        let is_kept =
+            if is_thin { n_samples.is_multiple_of(8) } else { age_s >= last_passed_s + gap_s };
+        if !is_kept {
+            return Vec::new();
+        }
+        if is_thin {
+            last_passed_s = age_s;
+            return vec![one];
+        }
+        last_passed_s = f64::NEG_INFINITY;
+        vec![one.clone(), one]
+    });
+}
+
 pub(super) fn thin_imu(lab: &mut Lab) -> anyhow::Result<()> {
+    // What the filter bridges: nothing happens.
     lab.fly(|bench| {
         bench.survey();
         bench.strike();
-        let struck_at = bench.now();
-        let mut n_samples = 0_u32;
-        // 25 Hz for five seconds, a gap of 100 ms, then every sample twice.
-        bench.flight.link.tamper_with(move |way, now, one| {
-            let is_imu = way == Way::ToCompanion && matches!(one.1, MavMessage::HIGHRES_IMU(_));
-            let age_s = now.seconds_since(struck_at);
-            n_samples += u32::from(is_imu);
-            match age_s {
-                _ if !is_imu => vec![one],
-                0.0..5.0 if !n_samples.is_multiple_of(8) => Vec::new(),
-                5.0..5.1 => Vec::new(),
-                5.1.. => vec![one.clone(), one],
-                _ => vec![one],
-            }
-        });
-        bench.run(10.0);
-        bench.safe_within(14.0, "in the survey, or safe without it", |b| {
-            matches!(b.phase(), Phase::Survey | Phase::Hold | Phase::Land)
-        });
+        bench.safe_already();
+        thin_out(bench, 0.095);
+        let mut worst_m = 0.0_f64;
+        for _ in 0..2_600 {
+            bench.step();
+            worst_m = worst_m.max(bench.belief_error_m());
+        }
+        bench.demand(worst_m < 0.15, &format!("{worst_m:.2} m off"));
+        bench.demand(bench.phases().is_empty() && bench.is_steered(), "the survey goes on");
+    })?;
+    // What it cannot: the place is lost, found anew by the markers, and the survey goes on.
+    lab.fly(|bench| {
+        bench.survey();
+        thin_out(bench, 0.3);
+        bench.run(5.0);
+        bench.strike();
+        bench.safe_within(1.0, "holds", |b| b.phase() == Phase::Hold);
+        let is_back = bench.until(4.0, |b| b.phase() == Phase::Survey);
+        bench.demand(is_back, "goes on with a place of its own");
         bench.run(3.0);
+        bench.demand(bench.belief_error_m() < 0.15, "the place found anew is right");
+    })?;
+    // The request for more of them never arrives: PX4 sends 50 a second, ArduPilot none.
+    lab.fly(|bench| {
+        bench.flight.link.tamper_with(|_, _, (header, message)| match &message {
+            MavMessage::COMMAND_LONG(data)
+                if data.command == MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL =>
+            {
+                Vec::new()
+            }
+            _ => vec![(header, message)],
+        });
+        bench.strike();
+        bench.safe_already();
+        bench.run(75.0);
+        match bench.flavour() {
+            Flavour::Px4 => bench.demand(bench.phase() == Phase::Survey, "flies with 50 a second"),
+            Flavour::ArduPilot => {
+                bench.demand(bench.seen.commands.is_empty(), "no start without inertial samples");
+                bench.demand(bench.said("no take-off"), "people are told");
+            }
+        }
     })
 }
 

@@ -48,6 +48,11 @@ pub(super) fn markers_lost(lab: &mut Lab) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// Smaller jumps may be taken for noise, m.
+const JUMP_DECLARED_M: f64 = 0.3;
+/// The survey's 2 m/s and what gusts add; a vehicle that is pulled to a far place goes faster.
+const LUNGE_MPS: f64 = 2.3;
+
 /// All markers move by this much: the place where the vehicle believes to be jumps.
 pub(super) fn jump(lab: &mut Lab, by_m: f64) -> anyhow::Result<()> {
     lab.fly(|bench| {
@@ -59,21 +64,26 @@ pub(super) fn jump(lab: &mut Lab, by_m: f64) -> anyhow::Result<()> {
         let direction = -Vector3::new(yaw_rad.cos(), yaw_rad.sin(), 0.0);
         bench.flight.rig.move_all_tags(&(direction * by_m));
         let n_resets_before = bench.seen.reset_counters.len();
+        let is_declared = by_m > JUMP_DECLARED_M;
         let mut fastest_mps = 0.0_f64;
         for _ in 0..600 {
             bench.step();
             fastest_mps = fastest_mps.max(bench.speed_mps());
+            let n_resets = bench.seen.reset_counters.len() - n_resets_before;
+            if n_resets > 0 || !is_declared {
+                // Both steer by the same place again.
+                let is_agreed = bench.disagreement_m() < 0.3;
+                if is_agreed {
+                    bench.safe_now();
+                }
+            }
         }
-        // Half as fast again as the survey; an autopilot that chases a far setpoint goes on to its own
-        // bound of 3 m/s and more.
-        bench.demand(fastest_mps < 3.0, &format!("lunges at {fastest_mps:.1} m/s after the jump"));
+        let is_safe = fastest_mps < LUNGE_MPS;
+        bench.demand(is_safe, &format!("lunges at {fastest_mps:.1} m/s after the jump"));
         let n_resets = bench.seen.reset_counters.len() - n_resets_before;
-        if by_m > 0.3 {
+        if is_declared {
             bench.demand(n_resets == 1, "the jump is declared once");
         }
-        bench.safe_within(6.0, "in the survey, or safe without it", |b| {
-            matches!(b.phase(), Phase::Survey | Phase::Hold | Phase::Land | Phase::Return)
-        });
         // The hall itself did not move with its markers: no further.
         bench.flight.operator_mut().ask(MavCmd::MAV_CMD_USER_5);
         let is_down = bench.until(40.0, Bench::is_down);
@@ -105,13 +115,8 @@ pub(super) fn wrong_markers(lab: &mut Lab) -> anyhow::Result<()> {
             let mut worst_m = 0.0_f64;
             for _ in 0..2_000 {
                 bench.step();
-                let is_flying_on = bench.phase() == Phase::Survey;
-                if let Some(estimate) = bench.flight.estimate().filter(|_| is_flying_on) {
-                    let truth = bench.flight.rig.vehicle().pose_at(estimate.at);
-                    let off_m = truth.map_or(0.0, |pose| {
-                        (pose.origin.coords - estimate.hall_from_body.origin.coords).norm()
-                    });
-                    worst_m = worst_m.max(off_m);
+                if bench.phase() == Phase::Survey {
+                    worst_m = worst_m.max(bench.belief_error_m());
                 }
             }
             bench.demand(worst_m < 0.3, &format!("{fault:?}: {worst_m:.2} m off"));

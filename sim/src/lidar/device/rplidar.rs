@@ -67,6 +67,7 @@ impl Rplidar {
             self.answers.push(Frame::answer(single(kind, payload), at));
         };
         match (command, payload) {
+            (0x25, _) if self.catalogue.motor == Motor::Internal => self.head.drive(false, now),
             (0x40, _) => {
                 self.reboots_until = Some(now.plus(REBOOT));
                 self.error = 0;
@@ -109,6 +110,9 @@ impl Rplidar {
         bytes.push(kind);
         self.answers.push(Frame::answer(bytes, now.plus(THINKING)));
         self.wanted = Some(mode);
+        if self.catalogue.motor == Motor::Internal {
+            self.head.drive(true, now);
+        }
     }
 
     /// Takes whole requests out of the inbox; those with a wrong checksum are ignored in silence.

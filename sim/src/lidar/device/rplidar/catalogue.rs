@@ -11,6 +11,8 @@ pub(super) enum Motor {
     Pwm,
     /// A speed, by request A8.
     Speed,
+    /// The sensor itself, while it scans.
+    Internal,
 }
 
 /// One way to scan.
@@ -70,7 +72,7 @@ impl Catalogue {
             }
             4 => {
                 let modes = vec![mode("Standard", 200.0, 16.0, Standard)];
-                ((1, 2), 18, Motor::Pwm, modes, 0)
+                ((1, 2), 18, Motor::Internal, modes, 0)
             }
             6 => ((1, 28), 18, Motor::Speed, dense(244.0, 108.0, 40.0), 1),
             7 => ((1, 2), 18, Motor::Speed, dense(125.0, 31.25, 30.0), 1),

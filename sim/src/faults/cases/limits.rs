@@ -1,0 +1,132 @@
+//! What computer and line cannot do, and what ends or wraps in flight.
+
+use super::Lab;
+use super::autopilot::drifting_odometry;
+use crate::autopilot::StubAutopilot;
+use crate::faults::bench::Bench;
+use mavlink::MavHeader;
+use mavlink::dialects::ardupilotmega as m;
+use mavlink::dialects::ardupilotmega::{MavCmd, MavMessage};
+use std::time::Duration;
+use stockpilot::mission::Phase;
+use stockpilot::stats::SeedBook;
+
+const GROUND_STATION: MavHeader = MavHeader { system_id: 255, component_id: 190, sequence: 0 };
+/// A radio's 57600 baud, bytes/s in each direction.
+const RADIO_BYTES_PER_S: f64 = 5_760.0;
+/// The half of 230400 baud, the slowest line that is taken, bytes/s.
+const HALF_LINE_BYTES_PER_S: f64 = 11_520.0;
+/// Of every 100 ms a throttled computer works so long, in steps of 5 ms.
+const WORKING_STEPS: usize = 6;
+
+/// The power fails: what is in the file by then is a log up to some instant.
+pub(super) fn power_cut(lab: &mut Lab) -> anyhow::Result<()> {
+    let seed = lab.seed;
+    lab.fly(|bench| {
+        bench.survey();
+        bench.strike();
+        bench.safe_already();
+        let mut noise = SeedBook::new(seed).stream("power cut");
+        for _ in 0..20 {
+            bench.run(0.2);
+            match bench.flight.log_cut_at(noise.uniform()) {
+                Ok(is_prefix) => bench.demand(is_prefix, "a cut log holds what came before"),
+                Err(error) => bench.demand(false, &format!("a cut log: {error}")),
+            }
+        }
+        bench.demand(bench.phases().is_empty(), "the survey goes on");
+    })
+}
+
+/// The processor is throttled to a third: the loop works 30 ms and waits 70.
+pub(super) fn slow_computer(lab: &mut Lab) -> anyhow::Result<()> {
+    lab.fly(|bench| {
+        bench.survey();
+        bench.strike();
+        bench.safe_already();
+        let mut longest_s = 0.0_f64;
+        for step in 0..3_000 {
+            match step % 20 {
+                0 => bench.flight.thaw_companion(),
+                WORKING_STEPS => bench.flight.freeze_companion(),
+                _ => {}
+            }
+            bench.step();
+            let age_s = bench.seen.setpoint.map_or(0.0, |(at, _)| bench.now().seconds_since(at));
+            longest_s = longest_s.max(age_s);
+        }
+        bench.demand(longest_s < 0.12, &format!("no setpoint for {longest_s:.3} s"));
+        bench.demand(bench.belief_error_m() < 0.15, "knows its place");
+        let is_flown = bench.phases().iter().all(|p| matches!(p, Phase::Hold | Phase::Survey));
+        bench.demand(is_flown, "the survey goes on, or waits");
+        bench.flight.thaw_companion();
+        bench.run(3.0);
+    })
+}
+
+/// What does not fit is lost, what fits is late.
+pub(super) fn slow_link(lab: &mut Lab) -> anyhow::Result<()> {
+    // From the ground on: clocks and streams never come about, so neither does a flight.
+    lab.fly(|bench| {
+        bench.flight.link.bytes_per_s = Some(RADIO_BYTES_PER_S);
+        bench.strike();
+        bench.safe_already();
+        bench.run(75.0);
+        bench.demand(!bench.flight.rig.autopilot().is_armed(), "no start over such a line");
+        bench.demand(bench.flight.texts().iter().any(|t| t.contains("no take-off")), "is told");
+    })?;
+    // Somebody else takes the half of the usual line in flight.
+    lab.fly(|bench| {
+        bench.survey();
+        bench.strike();
+        bench.safe_already();
+        bench.flight.link.bytes_per_s = Some(HALF_LINE_BYTES_PER_S);
+        bench.run(20.0);
+        bench.flight.operator_mut().ask(MavCmd::MAV_CMD_USER_5);
+        bench.run(1.0);
+        bench.flight.link.bytes_per_s = None;
+        bench.flight.operator_mut().ask(MavCmd::MAV_CMD_USER_5);
+        let is_down = bench.until(60.0, Bench::is_down);
+        bench.demand(is_down, "on the ground in the end");
+    })
+}
+
+/// The autopilot has been on for 49.7 days: its count of milliseconds begins again.
+pub(super) fn wraps(lab: &mut Lab) -> anyhow::Result<()> {
+    let flavour = lab.flavour;
+    // While the survey is on its way: it begins some 15 s after the start.
+    let lead = Duration::from_millis(1 << 32).saturating_sub(Duration::from_secs(35));
+    lab.fly(move |bench| {
+        *bench.autopilot() = StubAutopilot::indoor(flavour, lead);
+        bench.survey();
+        bench.run((36.0 - bench.now().seconds()).max(0.0));
+        bench.strike();
+        let is_surveying = bench.phase() == Phase::Survey;
+        bench.demand(is_surveying && bench.is_steered(), "the survey goes on over the wrap");
+        bench.demand(!bench.said("has restarted"), "no restart is made of it");
+        // What the autopilot believes is still compared.
+        drifting_odometry(bench);
+        bench.safe_within(4.5, "lands", |b| b.phase() == Phase::Land);
+        let is_down = bench.until(40.0, Bench::is_down);
+        bench.demand(is_down, "on the ground in the end");
+    })?;
+    // Somebody writes one of the own parameters in flight: they are what was configured.
+    lab.fly(|bench| {
+        bench.survey();
+        bench.strike();
+        bench.safe_already();
+        for name in ["SP_SPEED_MPS", "SP_BAT_RETURN", "SP_HEIGHT_M", "SP_STEPS"] {
+            let set = m::PARAM_SET_DATA {
+                param_id: name.into(),
+                param_value: 99.0,
+                target_system: 1,
+                target_component: 191,
+                param_type: m::MavParamType::MAV_PARAM_TYPE_REAL32,
+            };
+            bench.flight.link.inject(GROUND_STATION, MavMessage::PARAM_SET(set));
+        }
+        bench.run(5.0);
+        bench.demand(bench.phases().is_empty() && bench.is_steered(), "the survey goes on");
+        bench.demand(bench.speed_mps() < 2.5, "no faster");
+    })
+}
