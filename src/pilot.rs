@@ -242,7 +242,7 @@ impl Pilot {
             Event::AutopilotPose(pose) => self.autopilot_pose = Some(pose),
             Event::CommandAnswered(outcome) => {
                 if !outcome.is_accepted {
-                    let text = format!("autopilot refused {:?}", outcome.command);
+                    let text = format!("autopilot did not accept {:?}", outcome.command);
                     say(actions, Severity::Warning, text);
                 }
             }
