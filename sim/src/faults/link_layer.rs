@@ -62,9 +62,17 @@ impl LinkLayer {
         self.slow_line = Some(SlowLine {
             outbox: Outbox::default(),
             to_autopilot: Pace::new(bytes_per_s),
-            to_companion: Pace::new(bytes_per_s),
+            to_companion: Some(Pace::new(bytes_per_s)),
             most_waiting: Duration::from_secs_f64(TRANSMITTER_BYTES / bytes_per_s),
         });
+    }
+
+    /// The same only for what goes to the autopilot.
+    pub fn slow_down_to_autopilot(&mut self, bytes_per_s: f64) {
+        self.slow_down(bytes_per_s);
+        if let Some(line) = &mut self.slow_line {
+            line.to_companion = None;
+        }
     }
 
     /// Everything works again.
@@ -123,7 +131,7 @@ struct SlowLine {
     /// The companion's transport.
     outbox: Outbox,
     to_autopilot: Pace,
-    to_companion: Pace,
+    to_companion: Option<Pace>,
     /// What the autopilot's transmitter holds.
     most_waiting: Duration,
 }
@@ -135,10 +143,13 @@ impl SlowLine {
         now: Stamp<Mono>,
         sent: Vec<Addressed>,
     ) -> Vec<(Stamp<Mono>, Addressed)> {
+        let Some(pace) = &mut self.to_companion else {
+            return sent.into_iter().map(|one| (now, one)).collect();
+        };
         let mut left = Vec::new();
         for one in sent {
-            if self.to_companion.free_at().since(now) <= self.most_waiting {
-                left.push((self.to_companion.hand_over(now, frame_bytes(&one)), one));
+            if pace.free_at().since(now) <= self.most_waiting {
+                left.push((pace.hand_over(now, frame_bytes(&one)), one));
             }
         }
         left
