@@ -391,6 +391,7 @@ impl Pilot {
             vehicle: self.vehicle,
             is_autopilot_lost: self.is_autopilot_lost,
             has_position: self.localizer.is_trusted(self.now) && !self.sample_lag.is_late(),
+            is_late: self.sample_lag.is_late(),
             has_lidar: self.last_beam_at.is_some_and(|at| self.now.since(at) < LIDAR_SILENT_AFTER),
             battery_ratio: self
                 .battery

@@ -80,10 +80,9 @@ pub(super) fn slow_link(lab: &mut Lab) -> anyhow::Result<()> {
         bench.strike();
         bench.flight.link.slow_down(RADIO_BYTES_PER_S);
         bench.safe_within(1.5, "waits", |bench| bench.phase() == Phase::Hold);
-        bench.demand(bench.said("samples are"), "says why");
-        let lands = bench.until(6.0, |bench| bench.phase() == Phase::Land);
-        bench.demand(lands, "lands");
+        bench.safe_within(2.5, "lands", |bench| bench.phase() == Phase::Land);
         let is_down = bench.until(60.0, Bench::is_down);
+        bench.demand(bench.said("samples are"), "says why");
         bench.demand(is_down, "on the ground in the end");
     })?;
     // Only the way to the autopilot is slow: every sample is in time, and the survey goes on.
