@@ -81,10 +81,14 @@ fn bias_noise_and_the_vehicles_own_parts_are_found_with_every_family() {
             expected[1].0[1] = 137.0;
         }
         assert_eq!(body.len(), expected.len(), "{model:?}: {body:?}");
+        // Where a beam of a triangulating sensor goes depends on its range: by 5° from 0.3 to 0.6 m, and
+        // at an edge either holds.
+        let tolerance_deg = if model == Model::RplidarA3 { 3.0 } else { 1.6 };
         for (part, (ends_deg, distance_m)) in body.iter().zip(expected) {
             let found_deg = [part.from_rad, part.to_rad].map(f64::to_degrees);
             for (found, expected) in found_deg.iter().zip(ends_deg) {
-                assert!((found - expected).abs() <= 1.6, "{model:?}: {found_deg:?}");
+                let off_deg = (found - expected).abs();
+                assert!(off_deg <= tolerance_deg, "{model:?}: {found_deg:?}");
             }
             let off_m = part.nearest_m - BIAS_M - distance_m;
             assert!(off_m.abs() < 0.04, "{model:?}: {part:?}");

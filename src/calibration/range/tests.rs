@@ -1,3 +1,5 @@
+#![expect(clippy::cast_possible_truncation, reason = "beams are single precision")]
+
 use super::*;
 use crate::messages::Beam;
 use crate::stats::{Noise, SeedBook};
