@@ -34,7 +34,7 @@ fn surveyed(scenario: &Scenario) -> (Carried, SurveyReport) {
         fixed_sigma_m: 0.003,
         edge_m: None,
         scale_sigma: PRINTER_SIGMA,
-        every_s: 1.5,
+        every_s: 3.0,
         corner_sigma_px: None,
         constraints: Constraints::read(&file).unwrap(),
     };
