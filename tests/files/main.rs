@@ -8,3 +8,4 @@ mod ground_station;
 mod printed_sheets;
 mod regions;
 mod safety_rules;
+mod sudden_end;
