@@ -34,7 +34,10 @@ fn settings_survive_sigkill_at_any_moment() {
         let (mut child, written) = begin(&path);
         // Some writes that end, then some part of one.
         let n_whole = random.random_range(1..4);
-        let mut last = (0..n_whole).map(|_| written.recv().unwrap()).last().unwrap();
+        let mut last = 0;
+        for _ in 0..n_whole {
+            last = written.recv().unwrap();
+        }
         let moment = LONGEST_MOMENT.mul_f64(random.random());
         last = written.recv_timeout(moment).unwrap_or(last);
         child.kill().unwrap();
