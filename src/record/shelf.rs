@@ -111,7 +111,7 @@ pub fn has_flown(log: &Path) -> io::Result<bool> {
         }
     }
     // A log that was cut off has nothing behind its end; other damage may hide a flight.
-    let is_cut = reader.damage().is_none_or(|damage| damage.contains("EOF"));
+    let is_cut = reader.damage().is_none_or(|damage| damage.contains("file ended"));
     Ok(!has_begun || !is_cut)
 }
 
