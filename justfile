@@ -29,7 +29,7 @@ interop:
 browser:
     bash tests/browser/run target/browser target/debug target/browser-pictures
 
-# The Debian package of the program that the tests have built; as root with CI=true also installed, flown and purged.
+# The Debian package of the program that the tests have built; as root with CI=true also installed, upgraded and purged.
 package:
     bash tests/package/run target/package target/debug/stockpilot target/debug/stockpilot-sim
 
