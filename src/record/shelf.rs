@@ -91,28 +91,21 @@ pub fn mark_reported(log: &Path, what: &str) -> io::Result<()> {
     file.commit()
 }
 
-/// True if somebody took off while the log was written, or if that cannot be known: the log is damaged
-/// in the middle, or has gaps.
+/// True if somebody took off while the log was written, or if that cannot be known: the log has gaps or
+/// no proper end. One that a power cut ended cannot be told from one whose damage hides a flight.
 ///
 /// # Errors
 /// The log cannot be opened.
 pub fn has_flown(log: &Path) -> io::Result<bool> {
     let mut reader = LogReader::<BufReader<std::fs::File>>::open(log)?;
-    let mut has_begun = false;
     for item in reader.by_ref() {
-        match item {
-            LogItem::Lost { .. } => return Ok(true),
-            LogItem::Result { topic: Topic::Phase, json, .. } => {
-                if json.windows(TO_TAKE_OFF.len()).any(|part| part == TO_TAKE_OFF) {
-                    return Ok(true);
-                }
-            }
-            _ => has_begun = true,
+        if let LogItem::Result { topic: Topic::Phase, json, .. } = item
+            && json.windows(TO_TAKE_OFF.len()).any(|part| part == TO_TAKE_OFF)
+        {
+            return Ok(true);
         }
     }
-    // A log that was cut off has nothing behind its end; other damage may hide a flight.
-    let is_cut = reader.damage().is_none_or(|damage| damage.contains("file ended"));
-    Ok(!has_begun || !is_cut)
+    Ok(!reader.is_complete())
 }
 
 /// How the folder is looked after.

@@ -35,23 +35,17 @@ fn a_log_is_one_of_a_flight_if_somebody_took_off() {
 }
 
 #[test]
-fn a_cut_off_log_without_a_take_off_is_empty_and_a_damaged_one_is_not() {
+fn a_log_without_its_proper_end_may_hold_a_flight() {
     let folder = tempfile::tempdir().unwrap();
     let idle = write_log(folder.path(), "flight-1.mcap", false);
     let bytes = std::fs::read(&idle).unwrap();
-    let cut = folder.path().join("flight-2.mcap");
-    std::fs::write(&cut, &bytes[..bytes.len() * 7 / 10]).unwrap();
-    assert!(!has_flown(&cut).unwrap());
-    // A bit that has turned in the middle might have hidden a take-off.
-    let mut turned = bytes;
-    let middle = turned.len() / 2;
-    turned[middle] ^= 0x10;
-    let damaged = folder.path().join("flight-3.mcap");
-    std::fs::write(&damaged, turned).unwrap();
-    assert!(has_flown(&damaged).unwrap());
-    let nothing = folder.path().join("flight-4.mcap");
-    std::fs::write(&nothing, b"").unwrap();
-    assert!(has_flown(&nothing).unwrap());
+    let mut turned = bytes.clone();
+    turned[bytes.len() / 2] ^= 0x10;
+    for (n, damaged) in [&bytes[..bytes.len() * 7 / 10], &turned, b""].into_iter().enumerate() {
+        let path = folder.path().join(format!("damaged-{n}.mcap"));
+        std::fs::write(&path, damaged).unwrap();
+        assert!(has_flown(&path).unwrap(), "{n}");
+    }
 }
 
 #[test]
