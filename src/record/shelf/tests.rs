@@ -41,7 +41,8 @@ fn a_log_without_its_proper_end_may_hold_a_flight() {
     let bytes = std::fs::read(&idle).unwrap();
     let mut turned = bytes.clone();
     turned[bytes.len() / 2] ^= 0x10;
-    for (n, damaged) in [&bytes[..bytes.len() * 7 / 10], &turned, b""].into_iter().enumerate() {
+    let cut = &bytes[..bytes.len() * 7 / 10];
+    for (n, damaged) in [cut, turned.as_slice(), &[]].into_iter().enumerate() {
         let path = folder.path().join(format!("damaged-{n}.mcap"));
         std::fs::write(&path, damaged).unwrap();
         assert!(has_flown(&path).unwrap(), "{n}");
