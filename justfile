@@ -27,7 +27,7 @@ interop:
 
 # The live page in Chromium during a flight; its screenshots are in target/browser-pictures.
 browser:
-    bash tests/browser/run target/browser target/debug target/browser-pictures
+    bash tests/browser/run target/browser target/debug target/browser-pictures target/tmp
 
 # One simulated flight through the real service: `just fly --world piles --planner square-wave`.
 fly *ARGS:

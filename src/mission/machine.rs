@@ -30,6 +30,8 @@ pub struct Inputs {
     pub is_plan_done: bool,
     /// Every waypoint that was wished for is flown.
     pub is_plan_complete: bool,
+    /// The last flight has left gaps in its map that can be flown to.
+    pub has_gaps: bool,
     /// Heading of the body against that of the survey, rad; `None` without a pose.
     pub heading_error_rad: Option<f64>,
     /// Largest 1-σ of the own position, m.
@@ -107,6 +109,8 @@ pub struct Mission {
     /// In this preflight the companion has asked to arm.
     has_asked_to_arm: bool,
     is_complete: bool,
+    /// This flight goes on with the survey of the last one, into its gaps.
+    is_into_gaps: bool,
     /// How this vehicle comes off the ground.
     takes_off: TakeOff,
     /// Setpoints may be sent: from the first on, or once a command has lifted the vehicle.
@@ -134,6 +138,7 @@ impl Mission {
             was_companion: false,
             has_asked_to_arm: false,
             is_complete: false,
+            is_into_gaps: false,
             takes_off: TakeOff::BySetpoints,
             is_lifted: false,
         }
@@ -143,6 +148,12 @@ impl Mission {
     #[must_use]
     pub const fn phase(&self) -> Phase {
         self.phase
+    }
+
+    /// True if the present flight, or the last one, goes on with the survey before it.
+    #[must_use]
+    pub const fn is_into_gaps(&self) -> bool {
+        self.is_into_gaps
     }
 
     /// True while setpoints are to be sent.
@@ -169,10 +180,12 @@ impl Mission {
         use Phase::{Abort, Hold, Idle, Land, Preflight, Return, Survey};
         let wanted = match (verb, self.phase) {
             (OperatorVerb::Start, Idle) => Preflight,
-            (OperatorVerb::Start, Preflight | Phase::TakeOff | Survey)
-            | (OperatorVerb::Resume, Survey) => {
-                return true;
+            (OperatorVerb::FlyGaps, Idle) if inputs.has_gaps => Preflight,
+            (OperatorVerb::Start | OperatorVerb::FlyGaps, Preflight | Phase::TakeOff | Survey) => {
+                // The other kind of flight is under way: that is not what was asked for.
+                return self.is_into_gaps == (verb == OperatorVerb::FlyGaps);
             }
+            (OperatorVerb::Resume, Survey) => return true,
             // There is nothing to hold yet where a command lifts the vehicle.
             (OperatorVerb::Hold | OperatorVerb::Return, Phase::TakeOff) if !self.is_steering() => {
                 Land
@@ -199,6 +212,9 @@ impl Mission {
         };
         if wanted == Hold {
             self.hold_cause = HoldCause::Operator;
+        }
+        if wanted == Preflight {
+            self.is_into_gaps = verb == OperatorVerb::FlyGaps;
         }
         self.enter(wanted, "operator", inputs.now, effects);
         true

@@ -1,6 +1,6 @@
 //! Where the flight stands and how far it still reaches, for displays.
 
-use super::Pilot;
+use super::{OfferedGap, Pilot};
 use crate::messages::{BatterySample, HitCounts, NavEstimate, VehicleState};
 use crate::mission::{Phase, PreflightCheck};
 use crate::planning::free_space::FreeSpace;
@@ -44,6 +44,10 @@ pub struct Outlook {
     pub flown_m: f64,
     /// Where the beams went so far.
     pub hits: HitCounts,
+    /// What the last flight has left out, the largest share of the variance first; empty before its end.
+    pub gaps: Arc<[OfferedGap]>,
+    /// The present flight, or the last one, goes on with the survey before it.
+    pub is_into_gaps: bool,
 }
 
 impl Pilot {
@@ -71,6 +75,8 @@ impl Pilot {
             ahead_m: ahead.iter().map(|waypoint| waypoint.place.coords.into()).collect(),
             flown_m: self.flown.length_m,
             hits: self.mapper.counts(),
+            gaps: self.gaps.gaps(),
+            is_into_gaps: self.mission.is_into_gaps(),
         }
     }
 

@@ -9,7 +9,7 @@ use crate::lidar::{Driver, LidarStatus, OpenError};
 use crate::pilot::{Event, Pilot};
 use crate::record::{self, LogHeader, RecordError};
 use crate::time::{Mono, Stamp};
-use crate::web::{self, BrainEnd, RunningPage, Scene, Sensors};
+use crate::web::{self, BrainEnd, Floor, RunningPage, Scene, Sensors};
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
@@ -84,6 +84,7 @@ pub struct Onboard {
     camera_stats: watch::Receiver<CameraStats>,
     images: Vec<ImageDriver>,
     page: Option<RunningPage>,
+    live: Option<record::RunningLive>,
     log: PathBuf,
 }
 
@@ -108,6 +109,7 @@ impl Onboard {
     pub async fn start(config: &Config, around: Surroundings) -> Result<Self, OnboardError> {
         let settings = config.pilot_settings()?;
         let (page, scene) = (config.page_settings()?, Scene::new(&settings));
+        let floor = Floor::new(&settings.mapping);
         let pilot = Pilot::new(settings);
         let (link, lidar) = (config.link_settings()?, config.lidar_settings()?);
         let listener = Listener::bind(config.camera_settings()?).await.map_err(|source| {
@@ -118,7 +120,9 @@ impl Onboard {
         let lidar_clock = clock.clone();
         let lidar = Driver::start(lidar, move || lidar_clock.now(), scans_tx, &stop)?;
         let log = log_path(&config.log.directory)?;
-        let recorder = record::Recorder::create(&log, &header(config, clock.now())?)?;
+        let (live, running_live) = start_live(config.foxglove_address()?, &stop).unzip();
+        let header = header(config, clock.now())?;
+        let recorder = record::Recorder::create_shown(&log, &header, live)?;
         let recorder = if waits_for_disk { recorder.waiting() } else { recorder };
         let (frames_tx, tags) = mpsc::channel(FRAMES_WAITING);
         let images = start_cameras(config, &clock, &frames_tx, &stop)?;
@@ -130,6 +134,7 @@ impl Onboard {
         let sensors = Sensors { lidar: lidar.status(), camera: camera_stats.clone() };
         let around = web::Surroundings {
             scene,
+            floor,
             space: pilot.free_space(),
             sensors,
             log: log.clone(),
@@ -146,6 +151,7 @@ impl Onboard {
             camera_stats,
             images,
             page: running,
+            live: running_live,
             log,
         })
     }
@@ -154,6 +160,12 @@ impl Onboard {
     #[must_use]
     pub fn page_addr(&self) -> Option<SocketAddr> {
         self.page.as_ref().map(RunningPage::address)
+    }
+
+    /// Where the live log for Foxglove is served, if it is.
+    #[must_use]
+    pub fn foxglove_addr(&self) -> Option<SocketAddr> {
+        self.live.as_ref().map(record::RunningLive::address)
     }
 
     /// What the service last said of itself.
@@ -237,6 +249,11 @@ impl Onboard {
         {
             tracing::error!(%error, "the page died");
         }
+        if let Some(live) = self.live
+            && let Err(error) = tokio::task::spawn_blocking(move || live.join()).await
+        {
+            tracing::error!(%error, "the live log died");
+        }
         // Joining a thread blocks for one poll of its port.
         let stop_threads = move || {
             self.lidar.stop();
@@ -277,6 +294,21 @@ fn start_page(
         Ok(page) => Some(page),
         Err(error) => {
             tracing::error!(%error, address = %settings.listen, "there is no live page");
+            None
+        }
+    }
+}
+
+/// A flight does not depend on who looks at its log.
+fn start_live(
+    listen: Option<SocketAddr>,
+    stop: &CancellationToken,
+) -> Option<(record::LiveView, record::RunningLive)> {
+    let address = listen?;
+    match record::LiveView::serve(address, stop.child_token()) {
+        Ok(live) => Some(live),
+        Err(error) => {
+            tracing::error!(%error, %address, "there is no live log");
             None
         }
     }

@@ -30,6 +30,7 @@ const PALETTES = { height: scale(CIVIDIS), sigma: scale(INFERNO), 'fix-quality':
 /** Range of the values that is shown, and the colour of each. */
 export function palette(map, scene) {
   const known = map.values.filter((value) => value !== null);
+  if (known.length === 0) known.push(0);
   if (map.kind === 'coverage') {
     return { range: null, colour: (value) => rgb(COVERAGE[value].colour) };
   }
