@@ -22,10 +22,13 @@ use std::io;
 use std::net::SocketAddr;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
+use std::time::Duration;
 use tokio_util::sync::CancellationToken;
 
 /// Messages that wait for one viewer; beyond that the oldest are dropped.
 const BACKLOG: usize = 1_024;
+/// Viewers that have not closed by then are left behind.
+const END_WITHIN: Duration = Duration::from_millis(500);
 /// How much the viewers stand back behind flying, as in `nice`.
 const NICENESS: i32 = 10;
 
@@ -95,7 +98,9 @@ impl LiveView {
                     Ok(server) => {
                         drop(bound_tx.send(Ok(SocketAddr::new(listen.ip(), server.port()))));
                         stop.cancelled().await;
-                        server.stop().wait().await;
+                        // A viewer that takes nothing does not keep the program from its end.
+                        let closed = tokio::time::timeout(END_WITHIN, server.stop().wait()).await;
+                        tracing::debug!(all_closed = closed.is_ok(), "the live log ends");
                     }
                     Err(error) => drop(bound_tx.send(Err(io::Error::other(error)))),
                 }
