@@ -259,7 +259,7 @@ const VIRIDIS: [[f64; 3]; 8] = [
     [254.0, 232.0, 37.0],
 ];
 
-/// Below and above a middle, told apart without seeing all colours: ColorBrewer's PuOr in nine classes
+/// Below and above a middle, told apart without seeing all colours: `ColorBrewer`'s `PuOr` in nine classes
 /// (Brewer and Harrower, Apache-2.0), from orange to purple.
 const PUOR: [[f64; 3]; 9] = [
     [179.0, 88.0, 6.0],

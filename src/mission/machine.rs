@@ -185,7 +185,6 @@ impl Mission {
                 // The other kind of flight is under way: that is not what was asked for.
                 return self.is_into_gaps == (verb == OperatorVerb::FlyGaps);
             }
-            (OperatorVerb::Resume, Survey) => return true,
             // There is nothing to hold yet where a command lifts the vehicle.
             (OperatorVerb::Hold | OperatorVerb::Return, Phase::TakeOff) if !self.is_steering() => {
                 Land
@@ -202,7 +201,9 @@ impl Mission {
             (OperatorVerb::Resume, Hold) if inputs.has_position => self.resume_to,
             (OperatorVerb::Hold | OperatorVerb::Return | OperatorVerb::Land, Preflight) => Idle,
             (OperatorVerb::Return, Phase::TakeOff | Survey | Hold) if inputs.has_position => Return,
-            (OperatorVerb::Return, Return | Land) | (OperatorVerb::Land, Land) => return true,
+            (OperatorVerb::Resume, Survey)
+            | (OperatorVerb::Return, Return | Land)
+            | (OperatorVerb::Land, Land) => return true,
             (OperatorVerb::Land, Phase::TakeOff | Survey | Return | Hold) => Land,
             // The companion came back to a vehicle that still waits for it in the air.
             (OperatorVerb::Land, Idle) if is_left_flying(inputs) => Land,

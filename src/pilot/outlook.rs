@@ -9,6 +9,7 @@ use std::sync::Arc;
 
 /// What the brain knows of the flight beside its maps; nothing rests on it.
 #[derive(Debug, Clone, PartialEq)]
+#[expect(clippy::struct_excessive_bools, reason = "independent facts of one instant")]
 pub struct Outlook {
     /// When it was looked at.
     pub at: Stamp<Mono>,

@@ -20,6 +20,7 @@ pub(super) enum Level {
 
 /// The whole picture.
 #[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+#[expect(clippy::struct_excessive_bools, reason = "independent facts of one instant")]
 pub(super) struct State {
     /// Counts the states; to be sent back with a wish to start or to go on.
     pub(super) seq: u64,

@@ -25,7 +25,7 @@ def flight(tmp_path_factory):
              "--seed", "5", "--world", "piles", "--log", str(folder),
              "--last-survey", os.environ["STOCKPILOT_EARLIER"],
              # Slow enough for a loaded machine to look at every map before the survey is over.
-             "--cruise-mps", "0.6"]
+             "--cruise-mps", "0.4"]
     with running(*words) as child:
         line = child.next_line(lambda line: line.startswith("{"))
         found = json.loads(line)
