@@ -10,9 +10,9 @@ use crate::world::{Bay, Cuboid, Region, World};
 use std::path::PathBuf;
 use stockpilot::config::{
     BaySection, CameraSection, Config, DetectorSection, ExternalSection, FilterSection,
-    HallSection, ImagesSection, LensName, LidarSection, LinkSection, LogSection, MarkersSection,
-    MissionSection, MountSection, ObstacleSection, PageSection, PlanningSection, RectSection,
-    SourceName, SurfaceSection, TagSection, UncertaintySection,
+    FoxgloveSection, HallSection, ImagesSection, LensName, LidarSection, LinkSection, LogSection,
+    MarkersSection, MissionSection, MountSection, ObstacleSection, PageSection, PlanningSection,
+    RectSection, SourceName, SurfaceSection, TagSection, UncertaintySection,
 };
 use stockpilot::geometry::{Body, Camera, Frame, Rotation, Transform};
 
@@ -83,6 +83,7 @@ pub fn config(scenario: &Scenario, devices: Devices) -> Config {
         mission: MissionSection::default(),
         log: LogSection { directory: devices.log_directory, ..LogSection::default() },
         page: PageSection { enabled: false, ..PageSection::default() },
+        foxglove: FoxgloveSection::default(),
         detections: devices.detections,
         detector: DetectorSection::default(),
         cameras: vec![camera(&scenario.camera, devices.pictures)],
