@@ -45,6 +45,6 @@ consistency *ARGS:
 deny:
     cargo deny --locked check
 
-# Other people's clients read the emulated LiDARs. Not all of them were seen to pass yet.
+# Other people's clients read the emulated LiDARs; `just interop` does too.
 interop-lidar:
     bash tests/interop/run_lidar target/interop-lidar target/debug/stockpilot-sim

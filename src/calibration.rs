@@ -8,3 +8,4 @@
 
 pub mod mount;
 pub mod planes;
+pub mod range;

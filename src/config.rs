@@ -26,7 +26,7 @@ mod security;
 
 pub use bays::{BaseSection, BaySection, ExclusionSection};
 pub use cameras::{CameraSection, LensName};
-pub use edit::{FoundMount, write_clock, write_mount};
+pub use edit::{FoundMount, FoundRange, write_clock, write_mount, write_range};
 pub use error::ConfigError;
 pub use file::{
     Config, ExternalSection, FieldSection, FilterSection, HallSection, LidarSection, LinkSection,

@@ -8,6 +8,8 @@ mod calibrate;
 mod doctor;
 #[path = "main/inventory.rs"]
 mod inventory;
+#[path = "main/lidar.rs"]
+mod lidar;
 #[path = "main/markers.rs"]
 mod markers;
 #[path = "main/params.rs"]
@@ -62,6 +64,8 @@ enum Command {
     Survey(survey::SurveyArgs),
     /// What a flight says about the vehicle itself.
     Calibrate(calibrate::CalibrateArgs),
+    /// What the LiDAR itself says, on the ground.
+    Lidar(lidar::LidarArgs),
     /// What has changed between two surveys of the same bays.
     Change(ChangeArgs),
     /// The files for people: PDF, HTML, JSON, CSV, maps and point clouds.
@@ -212,6 +216,7 @@ fn main() -> anyhow::Result<ExitCode> {
         Command::Prior(args) => prior::run(&args),
         Command::Survey(args) => survey::run(&args),
         Command::Calibrate(args) => calibrate::run(&args),
+        Command::Lidar(args) => lidar::run(&args),
         Command::Change(args) => run_change(&args),
         Command::Report(args) => report::run(&args),
         Command::Audit(args) => audit::run(&args),

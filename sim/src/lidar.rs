@@ -28,7 +28,7 @@ pub use model::LidarModel;
 pub(crate) use model::hanging_mount;
 pub use pose_track::PoseTrack;
 pub use pty::{LineCounts, LineFaults, PtyLine};
-pub use scene::{Echo, HallView, Optics, Room, Scene};
+pub use scene::{Echo, HallView, Optics, Part, Room, Scene};
 pub use serial::SerialLidar;
 pub use simulator::{LidarSimulator, Packet, SAMPLES_PER_PACKET, Sample};
 pub use turns::TurnAssembler;

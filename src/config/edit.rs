@@ -45,6 +45,71 @@ pub fn write_clock(path: &Path, offset_s: f64, sigma_s: f64) -> Result<(), Confi
     replace(path, &edited).map_err(unreadable)
 }
 
+/// What a wall at taped distances has shown of the ranges.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FoundRange {
+    /// Ranges come out longer by this, m, and its standard deviation.
+    pub bias_m: (f64, f64),
+    /// They come out longer by this share, and its standard deviation; `None` leaves what stands.
+    pub scale: Option<(f64, f64)>,
+    /// Standard deviation of one range, m.
+    pub noise_m: f64,
+    /// Directions in which the LiDAR sees the vehicle, °, from −180 to 180; added to those that stand.
+    pub blind_sectors_deg: Vec<[f64; 2]>,
+}
+
+/// Writes bias, scale and noise of the ranges with their standard deviations, and blind sectors.
+///
+/// # Errors
+/// As [`write_mount`].
+pub fn write_range(path: &Path, found: &FoundRange) -> Result<(), ConfigError> {
+    let unreadable = |source: io::Error| ConfigError::Unreadable { path: path.to_owned(), source };
+    let text = fs::read_to_string(path).map_err(unreadable)?;
+    let edited = with_range(&text, path, found)?;
+    replace(path, &edited).map_err(unreadable)
+}
+
+fn with_range(text: &str, path: &Path, found: &FoundRange) -> Result<String, ConfigError> {
+    let before = Config::from_toml(text, path)?.lidar.blind_sectors_deg;
+    let sectors = united(&before, &found.blind_sectors_deg);
+    edited(text, path, |document| {
+        let lidar = &mut document["lidar"];
+        lidar["range_bias_m"] = value(to_step(found.bias_m.0, 1e-5));
+        lidar["range_sigma_m"] = value(to_step(found.noise_m, 1e-5));
+        if let Some((scale, _)) = found.scale {
+            lidar["range_scale"] = value(to_step(scale, 1e-6));
+        }
+        if sectors != before {
+            let pair = |ends: &[f64; 2]| Value::from(ends.iter().copied().collect::<Array>());
+            lidar["blind_sectors_deg"] = value(sectors.iter().map(pair).collect::<Array>());
+        }
+        let uncertainty = uncertainty_of(document);
+        uncertainty["range_bias_sigma_m"] = value(to_step(found.bias_m.1, 1e-5));
+        if let Some((_, sigma)) = found.scale {
+            uncertainty["range_scale_sigma"] = value(to_step(sigma, 1e-6));
+        }
+    })
+}
+
+/// Both lists as one without overlaps, in order; as it stands if the new ones lie inside.
+fn united(standing: &[[f64; 2]], new: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    let is_inside = |n: &&[f64; 2]| !standing.iter().any(|s| s[0] <= n[0] && n[1] <= s[1]);
+    let new: Vec<[f64; 2]> = new.iter().filter(is_inside).copied().collect();
+    if new.is_empty() {
+        return standing.to_vec();
+    }
+    let mut all = [standing, &new].concat();
+    all.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    let mut united: Vec<[f64; 2]> = Vec::new();
+    for [from, to] in all {
+        match united.last_mut() {
+            Some(last) if from <= last[1] => last[1] = last[1].max(to),
+            _ => united.push([from, to]),
+        }
+    }
+    united
+}
+
 fn with_mount(text: &str, path: &Path, found: &FoundMount) -> Result<String, ConfigError> {
     let (roll, pitch, yaw) = found.body_from_lidar.rotation.euler_rad();
     let place = found.body_from_lidar.origin.coords;
@@ -143,6 +208,35 @@ mod tests {
         // Only those three lines differ.
         let changed = EXAMPLE.lines().zip(edited.lines()).filter(|(a, b)| a != b).count();
         assert_eq!((changed, EXAMPLE.lines().count()), (3, edited.lines().count()));
+    }
+
+    #[test]
+    fn ranges_are_replaced_and_blind_sectors_united() {
+        let found = FoundRange {
+            bias_m: (0.0213, 0.0018),
+            scale: Some((-0.0008, 0.0004)),
+            noise_m: 0.0091,
+            blind_sectors_deg: vec![[-130.0, -110.0], [40.0, 52.0], [150.0, 160.0]],
+        };
+        let edited = with_range(EXAMPLE, Path::new("example"), &found).expect("edited");
+        let config = Config::from_toml(&edited, Path::new("edited")).expect("valid");
+        let mapping = config.pilot_settings().expect("in range").mapping;
+        assert!((config.lidar.range_bias_m - 0.0213).abs() < 1e-12);
+        assert!((config.lidar.range_scale + 0.0008).abs() < 1e-12);
+        assert!((config.surface.uncertainty.range_bias_sigma_m - 0.0018).abs() < 1e-12);
+        assert!((config.surface.uncertainty.range_scale_sigma - 0.0004).abs() < 1e-12);
+        assert!((mapping.lidar.range_sigma_m - 0.0091).abs() < 1e-12);
+        // The file has −180 to −120 and 120 to 180.
+        let sectors = [[-180.0, -110.0], [40.0, 52.0], [120.0, 180.0]];
+        assert_eq!(config.lidar.blind_sectors_deg, sectors);
+        let changed = EXAMPLE.lines().zip(edited.lines()).filter(|(a, b)| a != b).count();
+        assert_eq!((changed, EXAMPLE.lines().count()), (6, edited.lines().count()));
+
+        // What stands already stays as it is written, and a scale that was not seen too.
+        let less = FoundRange { scale: None, blind_sectors_deg: vec![[130.0, 140.0]], ..found };
+        let edited = with_range(EXAMPLE, Path::new("example"), &less).expect("edited");
+        let changed = EXAMPLE.lines().zip(edited.lines()).filter(|(a, b)| a != b).count();
+        assert_eq!(changed, 3);
     }
 
     #[test]

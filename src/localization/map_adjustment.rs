@@ -15,10 +15,14 @@
 //!
 //! Source: Triggs, `McLauchlan`, Hartley, Fitzgibbon 2000, sections 4 and 6; Huber 1964 for the loss.
 //! Checked: `adjustment_jacobian_matches_central_difference`,
-//! `every_tag_is_found_within_what_is_claimed`.
+//! `every_tag_is_found_within_what_is_claimed`,
+//! `wrong_names_swapped_corners_and_mirrored_tags_change_nothing`.
 
+mod flip;
+mod gate;
 mod normal;
 mod start;
+mod tag_start;
 
 #[cfg(test)]
 mod tests;
@@ -31,6 +35,12 @@ use normal::{Normal, Problem};
 /// Corners farther off than this are left out of the final sum, in σ of a corner.
 pub const GATE_SIGMAS: f64 = 4.0;
 const MAX_ITERATIONS: usize = 40;
+/// So often frames and tags are added that did not fit before.
+const MAX_EXTENSIONS: usize = 6;
+/// Between extensions the minimum need not be met well; at the end a step of this share of χ²
+/// moves nothing by more than some hundredths of its σ.
+const ROUGH_GAIN: f64 = 1e-3;
+const FINE_GAIN: f64 = 1e-8;
 
 /// A tag in one frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -190,23 +200,39 @@ pub fn pose_of_corners(corners: &[Point<Hall>; 4]) -> Transform<Hall, Tag> {
 
 /// Adjusts a survey.
 ///
+/// First places come from frame after frame and grow worse with each; the adjustment draws them
+/// together, and then frames and tags fit that did not before, until nothing new fits.
+///
 /// # Errors
 /// [`AdjustError`] says what is missing.
 pub fn adjust(survey: &Survey) -> Result<AdjustedMap, AdjustError> {
     if survey.known.is_empty() {
         return Err(AdjustError::NothingKnown);
     }
-    let start = start::located(survey)?;
-    let mut problem = Problem::new(survey, start);
-    let normal = minimized(&mut problem)?;
+    let mut located = start::located(survey)?;
+    let mut problem = Problem::new(survey, located);
+    for _ in 0..MAX_EXTENSIONS {
+        problem.leave_out_undetermined();
+        minimized(&mut problem, ROUGH_GAIN)?;
+        located = problem.located();
+        if start::extend(survey, &mut located) == 0 {
+            break;
+        }
+        problem = Problem::new(survey, located);
+    }
+    problem.leave_out_undetermined();
+    minimized(&mut problem, ROUGH_GAIN)?;
+    problem.turn_flipped_tags();
+    minimized(&mut problem, FINE_GAIN)?;
     // Huber's solution leans a little towards each outlier; without them it is searched again.
     let n_outliers = problem.gate(GATE_SIGMAS);
-    let normal = if n_outliers > 0 { minimized(&mut problem)? } else { normal };
+    let normal = minimized(&mut problem, FINE_GAIN)?;
     result(&problem, &normal, n_outliers)
 }
 
-/// Levenberg–Marquardt on the problem's own state.
-fn minimized(problem: &mut Problem<'_>) -> Result<Normal, AdjustError> {
+/// Levenberg–Marquardt on the problem's own state, until a step gains less than this share of the
+/// cost.
+fn minimized(problem: &mut Problem<'_>, least_gain: f64) -> Result<Normal, AdjustError> {
     let mut normal = problem.normal();
     let mut damping = 1e-4;
     for _ in 0..MAX_ITERATIONS {
@@ -218,7 +244,7 @@ fn minimized(problem: &mut Problem<'_>) -> Result<Normal, AdjustError> {
             *problem = candidate;
             normal = next;
             damping = (damping * 0.2_f64).max(1e-12);
-            if gained < 1e-9 * (1.0 + normal.cost) {
+            if gained < least_gain * (1.0 + normal.cost) {
                 break;
             }
         } else {

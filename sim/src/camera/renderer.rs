@@ -14,11 +14,14 @@
 //! Left out: shading, texture of walls, reflections, edges of what hides a tag are not smoothed, all
 //! rows are exposed at the same time.
 
+mod shades;
+
 use super::picture::PictureModel;
 use super::{CameraModel, Lens};
 use crate::raycast;
 use crate::world::{PlacedTag, World};
-use nalgebra::{Matrix3, Vector2, Vector3};
+use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
+use shades::{Local, Shades};
 use stockpilot::geometry::{Camera, Direction, Hall, Transform};
 use stockpilot::messages::TagPattern;
 use stockpilot::stats::Noise;
@@ -39,7 +42,9 @@ pub struct Renderer {
     model: PictureModel,
     /// (X/Z, Y/Z) of each pixel's centre by rows; NaN where the lens means nothing.
     rays: Vec<Vector2<f64>>,
-    offsets_px: Vec<Vector2<f64>>,
+    /// How dark a pixel is against the middle of the picture, by rows.
+    fall_off: Vec<f32>,
+    offsets_px: Vec<[f32; 2]>,
     /// The farthest offset along u or v.
     reach_px: f64,
     noise: Vec<f32>,
@@ -53,7 +58,7 @@ impl std::fmt::Debug for Renderer {
 
 /// A tag before a camera.
 struct SeenTag {
-    pattern: TagPattern,
+    shades: Shades,
     /// At each instant: takes a ray (x, y, 1) to cells right and down from the upper left corner, and 1/depth.
     cells_from_ray: [Matrix3<f64>; N_INSTANTS],
     /// Columns and rows that it may touch.
@@ -68,18 +73,21 @@ impl Renderer {
     #[must_use]
     pub fn new(camera: &CameraModel, model: PictureModel, mut noise: Noise) -> Self {
         let lens = camera.lens;
-        let rays = (0..lens.height_px)
+        let rays: Vec<Vector2<f64>> = (0..lens.height_px)
             .flat_map(|row| (0..lens.width_px).map(move |col| (col, row)))
             .map(|(col, row)| {
                 let pixel = Vector2::new(f64::from(col) + 0.5, f64::from(row) + 0.5);
                 lens.ray(&pixel).unwrap_or_else(|| Vector2::repeat(f64::NAN))
             })
             .collect();
+        let fall_off = fall_off(&rays, model.vignetting);
         let offsets_px = offsets_px(model.blur_sigma_px);
         let reach_px = offsets_px.iter().map(|o| o.amax()).fold(0.0, f64::max);
+        #[expect(clippy::cast_possible_truncation, reason = "a millionth of a pixel is enough")]
+        let offsets_px = offsets_px.iter().map(|o| [o.x as f32, o.y as f32]).collect();
         #[expect(clippy::cast_possible_truncation, reason = "noise needs no more digits")]
         let noise = (0..N_NOISE).map(|_| noise.normal() as f32).collect();
-        Self { lens, model, rays, offsets_px, reach_px, noise }
+        Self { lens, model, rays, fall_off, offsets_px, reach_px, noise }
     }
 
     /// The picture of an exposure, by rows; `poses` are the camera's at instants spread over it.
@@ -145,7 +153,8 @@ impl Renderer {
             N_PROBES => return None,
             _ => true,
         };
-        Some(SeenTag { pattern, cells_from_ray, cols, rows, distance_m, is_partly_hidden })
+        let shades = Shades::of(&pattern, self.model.white, self.model.black);
+        Some(SeenTag { shades, cells_from_ray, cols, rows, distance_m, is_partly_hidden })
     }
 
     fn paint(
@@ -169,7 +178,7 @@ impl Renderer {
     }
 
     /// A pixel's ray and how it changes by u and v.
-    fn ray(&self, col: usize, row: usize) -> Option<(Vector2<f64>, nalgebra::Matrix2<f64>)> {
+    fn ray(&self, col: usize, row: usize) -> Option<(Vector2<f64>, Matrix2<f64>)> {
         let (width, height) = (self.lens.width_px as usize, self.lens.height_px as usize);
         let at = |col: usize, row: usize| self.rays[row * width + col];
         let (left, right) = (col.saturating_sub(1), (col + 1).min(width - 1));
@@ -179,81 +188,73 @@ impl Renderer {
         let by_v = (at(col, below) - at(col, above)) / span(above, below);
         let ray = at(col, row);
         let is_known = ray.x.is_finite() && by_u.x.is_finite() && by_v.x.is_finite();
-        is_known.then(|| (ray, nalgebra::Matrix2::from_columns(&[by_u, by_v])))
+        is_known.then(|| (ray, Matrix2::from_columns(&[by_u, by_v])))
     }
 
     /// The mean over all samples of a pixel.
+    #[expect(clippy::cast_possible_truncation, reason = "offsets need no more digits")]
     fn mixed(
         &self,
         tag: &SeenTag,
         ray: &Vector2<f64>,
-        by_pixel: &nalgebra::Matrix2<f64>,
+        by_pixel: &Matrix2<f64>,
         before: f32,
     ) -> f32 {
-        let shade = |cell: Option<(i32, i32)>| match cell {
-            None => before,
-            Some((col, row)) if tag.pattern.is_white(col, row) => self.model.white,
-            Some(_) => self.model.black,
-        };
-        let reach = self.reach_px;
-        let first = cell_at(tag, ray, 0);
-        let is_plain = [0, N_INSTANTS - 1].into_iter().all(|instant| {
-            [(-reach, -reach), (reach, -reach), (-reach, reach), (reach, reach)].into_iter().all(
-                |(u, v)| cell_at(tag, &(ray + by_pixel * Vector2::new(u, v)), instant) == first,
-            )
+        let locals = tag.cells_from_ray.each_ref().map(|m| Local::of(m, ray, by_pixel));
+        let reach = self.reach_px as f32;
+        let first = tag.shades.cell(&locals[0], [0.0, 0.0]);
+        let is_plain = [&locals[0], &locals[N_INSTANTS - 1]].into_iter().all(|local| {
+            [[-reach, -reach], [reach, -reach], [-reach, reach], [reach, reach]]
+                .into_iter()
+                .all(|offset| tag.shades.is_same(first, tag.shades.cell(local, offset)))
         });
         if is_plain {
-            return shade(first);
+            return tag.shades.light(first, before);
         }
-        let samples = self
-            .offsets_px
-            .iter()
-            .enumerate()
-            .map(|(m, offset)| shade(cell_at(tag, &(ray + by_pixel * offset), m % N_INSTANTS)));
+        let samples = self.offsets_px.iter().enumerate();
+        let lights = samples.map(|(m, offset)| {
+            tag.shades.light(tag.shades.cell(&locals[m % N_INSTANTS], *offset), before)
+        });
         #[expect(clippy::cast_precision_loss, reason = "48")]
         let n_samples = N_SAMPLES as f32;
-        samples.sum::<f32>() / n_samples
+        lights.sum::<f32>() / n_samples
     }
 
     /// Light to grey: falls off towards the border, is noisy, and ends at black and white.
     fn developed(&self, light: &[f32], noise: &mut Noise) -> Vec<u8> {
         let width = self.lens.width_px as usize;
         let mut grey = Vec::with_capacity(light.len());
-        let largest = self.rays.iter().filter(|ray| ray.x.is_finite());
-        let largest = largest.map(Vector2::norm_squared).fold(1e-9, f64::max);
-        for (row, lights) in light.chunks_exact(width).enumerate() {
-            let mut at = usize::try_from(noise.bits() % N_NOISE as u64).unwrap_or(0);
-            for (col, value) in lights.iter().enumerate() {
-                let off_axis = self.rays[row * width + col].norm_squared() / largest;
-                #[expect(clippy::cast_possible_truncation, reason = "brightness")]
-                let fall_off = 1.0 - self.model.vignetting * off_axis.min(1.0) as f32;
-                let signal = 255.0 * self.model.gain * value * fall_off;
-                let sigma = (self.model.read_noise.powi(2) + self.model.shot_noise * signal).sqrt();
-                at = if at + 1 == N_NOISE { 0 } else { at + 1 };
-                let value = (signal + sigma * self.noise[at]).round().clamp(0.0, 255.0);
+        let read_var = self.model.read_noise.powi(2);
+        let rows = light.chunks_exact(width).zip(self.fall_off.chunks_exact(width));
+        for (lights, fall_off) in rows {
+            let at = usize::try_from(noise.bits() % (N_NOISE - width) as u64).unwrap_or(0);
+            let pixels = lights.iter().zip(fall_off).zip(&self.noise[at..at + width]);
+            grey.extend(pixels.map(|((light, fall_off), noise)| {
+                let signal = 255.0 * self.model.gain * light * fall_off;
+                let sigma = (read_var + self.model.shot_noise * signal).sqrt();
                 #[expect(
                     clippy::cast_possible_truncation,
                     clippy::cast_sign_loss,
-                    reason = "clamped"
+                    reason = "a float-to-integer cast saturates, as the sensor does"
                 )]
-                grey.push(value as u8);
-            }
+                let value = (signal + sigma * noise + 0.5) as u8;
+                value
+            }));
         }
         grey
     }
 }
 
-/// The cell that a ray meets at an instant; `None` beside the tag with its margin.
-fn cell_at(tag: &SeenTag, ray: &Vector2<f64>, instant: usize) -> Option<(i32, i32)> {
-    let hit = tag.cells_from_ray[instant] * Vector3::new(ray.x, ray.y, 1.0);
-    if hit.z <= 0.0 {
-        return None;
-    }
-    let (col, row) = (hit.x / hit.z, hit.y / hit.z);
-    let inside = -MARGIN_CELLS..f64::from(tag.pattern.n_cells()) + MARGIN_CELLS;
-    #[expect(clippy::cast_possible_truncation, reason = "ten cells at most")]
-    let cell = (col.floor() as i32, row.floor() as i32);
-    (inside.contains(&col) && inside.contains(&row)).then_some(cell)
+/// How dark each pixel is: the loss grows with the square of the tangent to the axis.
+fn fall_off(rays: &[Vector2<f64>], vignetting: f32) -> Vec<f32> {
+    let known = rays.iter().filter(|ray| ray.x.is_finite());
+    let largest = known.map(Vector2::norm_squared).fold(1e-9, f64::max);
+    let of = |ray: &Vector2<f64>| {
+        #[expect(clippy::cast_possible_truncation, reason = "brightness")]
+        let off_axis = (ray.norm_squared() / largest).min(1.0) as f32;
+        1.0 - vignetting * off_axis
+    };
+    rays.iter().map(of).collect()
 }
 
 /// Whole pixels between two places, within the picture.

@@ -212,13 +212,54 @@ pub struct Room {
     optics: Optics,
     half_length_m: f64,
     half_width_m: f64,
+    parts: Vec<Part>,
+}
+
+/// A part of the vehicle that the sensor sees.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Part {
+    /// From this direction, clockwise, in [0, 360), °.
+    pub from_deg: f64,
+    /// To this one, °; smaller if the part lies about 0.
+    pub to_deg: f64,
+    /// How far it is, m.
+    pub distance_m: f64,
+}
+
+impl Part {
+    fn holds(&self, clockwise_deg: f64) -> bool {
+        let (from, to) = (self.from_deg, self.to_deg);
+        let is_after = clockwise_deg >= from;
+        if from <= to { is_after && clockwise_deg < to } else { is_after || clockwise_deg < to }
+    }
 }
 
 impl Room {
     /// 6 m along the front mark, 4 m across, the sensor in the middle.
     #[must_use]
     pub const fn new(optics: Optics) -> Self {
-        Self { optics, half_length_m: 3.0, half_width_m: 2.0 }
+        Self { optics, half_length_m: 3.0, half_width_m: 2.0, parts: Vec::new() }
+    }
+
+    /// The walls ahead and behind at this distance.
+    #[must_use]
+    pub fn with_half_length_m(mut self, half_length_m: f64) -> Self {
+        self.half_length_m = half_length_m;
+        self
+    }
+
+    /// Parts of the vehicle before the walls.
+    #[must_use]
+    pub fn with_parts(mut self, parts: Vec<Part>) -> Self {
+        self.parts = parts;
+        self
+    }
+
+    /// Distance to what is nearest, and how squarely the beam meets it.
+    fn nearest(&self, clockwise_deg: f64) -> (f64, f64) {
+        let turned_deg = clockwise_deg.rem_euclid(360.0);
+        let part = self.parts.iter().find(|part| part.holds(turned_deg));
+        part.map_or_else(|| self.wall(clockwise_deg), |part| (part.distance_m, 1.0))
     }
 
     /// Distance to the wall, and how squarely the beam meets it.
@@ -232,11 +273,11 @@ impl Room {
 
 impl Scene for Room {
     fn distance_m(&mut self, _at: Stamp<Mono>, clockwise_deg: f64) -> Option<f64> {
-        Some(self.wall(clockwise_deg).0)
+        Some(self.nearest(clockwise_deg).0)
     }
 
     fn echo(&mut self, _at: Stamp<Mono>, clockwise_deg: f64) -> Option<Echo> {
-        let (distance_m, square_on) = self.wall(clockwise_deg);
+        let (distance_m, square_on) = self.nearest(clockwise_deg);
         self.optics.echo(distance_m, square_on)
     }
 }

@@ -3,8 +3,9 @@
 use crate::support::{Bench, Clean};
 use stockpilot::lidar::rplidar::{Answer, StreamParser};
 use stockpilot::lidar::{Family, Model};
+use stockpilot::stats::SeedBook;
 use stockpilot::time::Stamp;
-use stockpilot_sim::lidar::Frame;
+use stockpilot_sim::lidar::{Frame, LidarModel, Optics, Room};
 
 #[test]
 fn every_model_is_understood_and_its_room_is_right() {
@@ -27,6 +28,32 @@ fn every_model_is_understood_and_its_room_is_right() {
         // Steps of the range, and those of the angle at the corners, where the wall is 3.6 m away
         // and seen at 34°: 1/64° is 1.5 mm there, 1/8° is 12 mm.
         assert!(n as u64 > expected && median < 2.0 && most < 9.0, "{model:?}");
+    }
+}
+
+/// Steps of the range are up to 8 mm here; rounded down anywhere on the way they would be a bias of
+/// millimetres, which no number of beams takes away.
+#[test]
+fn no_model_measures_short_or_long_on_average() {
+    for model in Model::ALL {
+        let noisy = LidarModel { dropout_ratio: 0.0, ..LidarModel::of(model) };
+        let far_m = 0.6 * noisy.range_max_m.min(13.0);
+        let mut bench = Bench::new(model);
+        let optics = Optics::new(noisy.clone(), SeedBook::new(2));
+        bench.room = Room::new(optics).with_half_length_m(far_m);
+        bench.run(8.0, &mut Clean);
+        let (mut sum_mm, mut n) = (0.0, 0.0);
+        for beam in bench.scans.iter().flat_map(|scan| &scan.beams) {
+            // Square on, where an error of the angle changes nothing.
+            let (wall_m, square_on) = bench.room.wall(-f64::from(beam.angle_rad).to_degrees());
+            if beam.range_m > 0.0 && square_on > 0.98 {
+                sum_mm += 1000.0 * (f64::from(beam.range_m) - wall_m);
+                n += 1.0;
+            }
+        }
+        let (mean_mm, sigma_mm) = (sum_mm / n, 1000.0 * noisy.range_sigma_m / f64::sqrt(n));
+        println!("{:18} {mean_mm:+.3} ± {sigma_mm:.3} mm of {n} beams", model.name());
+        assert!(n > 500.0 && mean_mm.abs() < 4.0 * sigma_mm + 0.05, "{model:?}: {mean_mm} mm");
     }
 }
 

@@ -146,12 +146,19 @@ fn legacy(shots: &[Shot]) -> Vec<u8> {
 const MAJORS: [(u32, u32, u32); 5] =
     [(3328, 16_384, 4), (1792, 4096, 3), (1280, 2048, 2), (512, 512, 1), (0, 0, 0)];
 
-/// The major value of a distance, the millimetres that it stands for, and its shift.
+/// The major value nearest to a distance, the millimetres that it stands for, and its shift.
+///
+/// The nearest and not the next lower one: the SDK adds nothing to what it reads, so a sensor that
+/// rounded down would measure short by half a step, 4 mm at 8 m, and its maker would have seen that.
 fn major(dist_mm: f64) -> (u32, u32, u32) {
-    let mm = whole(dist_mm);
-    let (first, first_mm, shift) =
-        MAJORS.into_iter().find(|(_, first_mm, _)| mm >= *first_mm).unwrap_or((0, 0, 0));
-    let value = (first + ((mm - first_mm) >> shift)).min(4095);
+    let ranges = MAJORS.into_iter();
+    let of_distance = |(_, first_mm, _): &(u32, u32, u32)| dist_mm >= f64::from(*first_mm);
+    let (first, first_mm, shift) = ranges.clone().find(of_distance).unwrap_or((0, 0, 0));
+    let steps = whole((dist_mm - f64::from(first_mm)) / f64::from(1 << shift));
+    let value = (first + steps).min(4095);
+    // The last value of a range plus a step is the first of the next, with the shift of that.
+    let of_value = |(first, _, _): &(u32, u32, u32)| value >= *first;
+    let (first, first_mm, shift) = ranges.clone().find(of_value).unwrap_or((0, 0, 0));
     (value, first_mm + ((value - first) << shift), shift)
 }
 
@@ -181,12 +188,14 @@ fn prediction(dist_mm: f64, base_mm: u32, shift: u32) -> u32 {
 
 fn ultra_dense(shots: &[Shot]) -> Vec<u8> {
     let word = |shot: &Shot| {
-        let (mm, quality) = (whole(shot.dist_mm), u32::from(shot.intensity));
+        let (mm, quality) = (shot.dist_mm, u32::from(shot.intensity));
+        // The nearest step; where it would be the first of the next range, that range says it.
+        let steps = |first_mm: f64, step_mm: f64| whole((mm - first_mm) / step_mm);
         match mm {
-            0..=2046 => (mm / 2) << 2 | quality << 12,
-            2047..=8187 => ((mm - 2046) / 3) << 2 | 1 | (quality >> 1) << 13,
-            8188..=24_567 => ((mm - 8187) / 4) << 2 | 2 | (quality >> 2) << 14,
-            _ => ((mm - 24_567) / 5).min(0x1FFF) << 2 | 3 | (quality >> 3) << 15,
+            ..2045.0 => steps(0.0, 2.0) << 2 | quality << 12,
+            ..8185.5 => steps(2046.0, 3.0) << 2 | 1 | (quality >> 1) << 13,
+            ..24_565.0 => steps(8187.0, 4.0) << 2 | 2 | (quality >> 2) << 14,
+            _ => steps(24_567.0, 5.0).min(0x1FFF) << 2 | 3 | (quality >> 3) << 15,
         }
     };
     let pack = |pair: &[Shot]| {
@@ -233,10 +242,16 @@ mod tests {
 
     #[test]
     fn majors_stand_for_their_distances() {
-        for mm in 0..28_000 {
-            let (value, told_mm, shift) = major(f64::from(mm));
+        let mut sum_mm = 0.0;
+        for quarter_mm in 0..4 * 28_000 {
+            let mm = 0.25 * f64::from(quarter_mm);
+            let (value, told_mm, shift) = major(mm);
             assert!(value <= 4095);
-            assert!(told_mm <= mm && mm - told_mm < 1 << shift, "{mm}");
+            let off_mm = f64::from(told_mm) - mm;
+            assert!(off_mm.abs() <= 0.5 * f64::from(1 << shift), "{mm}");
+            sum_mm += off_mm;
         }
+        // Rounded to the nearest of steps up to 16 mm, nothing is left on average.
+        assert!((sum_mm / f64::from(4 * 28_000)).abs() < 0.2, "{sum_mm}");
     }
 }
