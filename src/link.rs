@@ -30,6 +30,7 @@ mod frames;
 mod inbound;
 mod operator;
 mod outbound;
+pub mod outbox;
 pub mod params;
 mod security;
 mod session;

@@ -17,6 +17,7 @@ mod job;
 mod outlook;
 mod plan_news;
 mod route;
+mod sample_lag;
 mod storage_news;
 mod survey_plan;
 
@@ -43,6 +44,7 @@ use intake::FrameWatch;
 use nalgebra::Vector3;
 use plan_news::PlanNews;
 use route::Route;
+use sample_lag::SampleLag;
 use std::collections::VecDeque;
 use std::time::Duration;
 use survey_plan::{PlanFacts, SurveyPlan};
@@ -112,6 +114,7 @@ pub struct Pilot {
     /// The localisation's count of declared jumps, as it was last looked at.
     reset_counter: u8,
     last_beam_at: Option<Stamp<Mono>>,
+    sample_lag: SampleLag,
     /// Scans whose pose can still change: see [`Self::map_waiting_scans`].
     waiting_scans: VecDeque<Scan>,
     frames: FrameWatch,
@@ -186,6 +189,7 @@ impl Pilot {
             autopilot_pose: None,
             disagreement: None,
             reset_counter: 0,
+            sample_lag: SampleLag::default(),
             last_beam_at: None,
             waiting_scans: VecDeque::new(),
             jobs: Jobs::default(),
@@ -246,7 +250,7 @@ impl Pilot {
             Event::AutopilotPose(pose) => self.autopilot_pose = Some(pose),
             Event::CommandAnswered(outcome) => {
                 if !outcome.is_accepted {
-                    let text = format!("autopilot refused {:?}", outcome.command);
+                    let text = format!("autopilot did not accept {:?}", outcome.command);
                     say(actions, Severity::Warning, text);
                 }
             }
@@ -319,6 +323,7 @@ impl Pilot {
         self.route.advance(now);
         self.follow_jump();
         self.compare_with_autopilot();
+        self.watch_samples(actions);
         self.run_mission(actions);
         if self.mission.phase() == Phase::Survey {
             self.route.survey(now);
@@ -333,6 +338,14 @@ impl Pilot {
         if now.since(self.last_report_at) >= self.settings.report_interval {
             self.last_report_at = now;
             self.report(false, actions);
+        }
+    }
+
+    fn watch_samples(&mut self, actions: &mut Vec<Action>) {
+        let newest = self.localizer.last_sample_at();
+        if let Some(age) = self.sample_lag.look(self.now, newest) {
+            let text = format!("autopilot's samples are {:.2} s old", age.as_secs_f64());
+            say(actions, Severity::Warning, text);
         }
     }
 
@@ -385,7 +398,8 @@ impl Pilot {
             now: self.now,
             vehicle: self.vehicle,
             is_autopilot_lost: self.is_autopilot_lost,
-            has_position: self.localizer.is_trusted(self.now),
+            has_position: self.localizer.is_trusted(self.now) && !self.sample_lag.is_late(),
+            is_late: self.sample_lag.is_late(),
             has_lidar: self.last_beam_at.is_some_and(|at| self.now.since(at) < LIDAR_SILENT_AFTER),
             battery_ratio: self
                 .battery

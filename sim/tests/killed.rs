@@ -1,56 +1,92 @@
-//! A flight whose process is killed leaves a log that replays.
+//! A flight whose process is killed, or asked to end, leaves a log that replays.
 
 #![expect(clippy::unwrap_used, clippy::expect_used, reason = "tests may panic")]
 
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
-use std::process::{Command, Stdio};
+use std::process::{Child, ChildStderr, Command, Stdio};
 use stockpilot::config::Config;
 use stockpilot::pilot::Pilot;
-use stockpilot::record::replay::replay;
+use stockpilot::record::replay::{ReplayReport, replay};
 use stockpilot::record::{LogItem, LogReader};
+use tempfile::TempDir;
 
 const SPEED: f64 = 4.0;
 
+/// A flight in the middle of its survey, with jobs behind it and one perhaps under way.
+struct Surveying {
+    program: Child,
+    /// Held open: nobody writes progress into a closed pipe.
+    progress: BufReader<ChildStderr>,
+    /// The flight's own clock as it was last shown, s.
+    shown_s: f64,
+    directory: TempDir,
+}
+
+impl Surveying {
+    fn begin() -> Self {
+        let directory = tempfile::tempdir().unwrap();
+        let mut program = Command::new(env!("CARGO_BIN_EXE_stockpilot-sim"))
+            .args(["fly", "--world", "piles", "--seed", "5", "--speed", &SPEED.to_string()])
+            .arg("--log")
+            .arg(directory.path())
+            .stderr(Stdio::piped())
+            .stdout(Stdio::null())
+            .spawn()
+            .unwrap();
+        let mut progress = BufReader::new(program.stderr.take().unwrap());
+        let mut shown_s = 0.0;
+        for line in progress.by_ref().lines() {
+            let line = line.unwrap();
+            let seconds = line.split_once(" s ").and_then(|(t, _)| t.trim().parse::<f64>().ok());
+            shown_s = seconds.unwrap_or(shown_s);
+            if line.contains("survey") && shown_s > 20.0 {
+                break;
+            }
+        }
+        Self { program, progress, shown_s, directory }
+    }
+
+    /// Waits for the end of the program; judges its log, which must hold all but `lost_s`.
+    fn replay(mut self, lost_s: f64) -> ReplayReport {
+        std::io::copy(&mut self.progress, &mut std::io::sink()).unwrap();
+        self.program.wait().unwrap();
+        let shown_s = self.shown_s;
+        assert!(shown_s > 20.0, "the flight ended at {shown_s} s by itself");
+        let log = std::fs::read_dir(self.directory.path())
+            .unwrap()
+            .map(|entry| entry.unwrap().path())
+            .find(|path| path.extension().is_some_and(|e| e == "mcap"))
+            .expect("a log");
+        let last_s = last_event_s(&log);
+        assert!(last_s > shown_s - lost_s, "the log ends at {last_s} s, shown were {shown_s} s");
+        let report = replay(&log, |toml| {
+            Config::from_toml(toml, &log).and_then(|config| config.pilot_settings()).map(Pilot::new)
+        })
+        .unwrap();
+        assert!(report.identical, "{:?}", report.first_difference);
+        assert!(report.results_compared > 500);
+        report
+    }
+}
+
 #[test]
 fn a_log_survives_sigkill_but_for_its_last_second_and_replays_identically() {
-    let directory = tempfile::tempdir().unwrap();
-    let mut program = Command::new(env!("CARGO_BIN_EXE_stockpilot-sim"))
-        .args(["fly", "--world", "piles", "--seed", "5", "--speed", &SPEED.to_string(), "--log"])
-        .arg(directory.path())
-        .stderr(Stdio::piped())
-        .stdout(Stdio::null())
-        .spawn()
-        .unwrap();
-    let mut shown_s = 0.0;
-    for line in BufReader::new(program.stderr.take().unwrap()).lines() {
-        let line = line.unwrap();
-        let seconds = line.split_once(" s ").and_then(|(t, _)| t.trim().parse::<f64>().ok());
-        shown_s = seconds.unwrap_or(shown_s);
-        // In the middle of the survey, with jobs behind it and one perhaps under way.
-        if line.contains("survey") && shown_s > 20.0 {
-            break;
-        }
-    }
-    program.kill().unwrap();
-    program.wait().unwrap();
-    assert!(shown_s > 20.0, "the flight ended at {shown_s} s by itself");
-
-    let log = std::fs::read_dir(directory.path())
-        .unwrap()
-        .map(|entry| entry.unwrap().path())
-        .find(|path| path.extension().is_some_and(|e| e == "mcap"))
-        .expect("a log");
-    let last_s = last_event_s(&log);
+    let mut flight = Surveying::begin();
+    flight.program.kill().unwrap();
     // One second of the wall's clock is `SPEED` seconds of flight; one more for the progress line.
-    assert!(last_s > shown_s - SPEED - 1.0, "the log ends at {last_s} s, shown were {shown_s} s");
-    let report = replay(&log, |toml| {
-        Config::from_toml(toml, &log).and_then(|config| config.pilot_settings()).map(Pilot::new)
-    })
-    .unwrap();
-    assert!(report.identical, "{:?}", report.first_difference);
+    let report = flight.replay(SPEED + 1.0);
     assert!(!report.is_complete);
-    assert!(report.results_compared > 500);
+}
+
+#[test]
+fn a_service_that_is_asked_to_end_in_flight_closes_its_log() {
+    let flight = Surveying::begin();
+    let pid = flight.program.id().to_string();
+    let asked = Command::new("kill").args(["-TERM", &pid]).status().unwrap();
+    assert!(asked.success());
+    let report = flight.replay(0.0);
+    assert!(report.is_complete);
 }
 
 /// When the last readable event was taken in, s.

@@ -38,8 +38,8 @@ enum Answer {
 }
 
 impl Commands {
-    /// Sends `asked`. An older command with the same MAVLink number counts as refused: its answers
-    /// could not be told from the new one's.
+    /// Sends `asked`, unless it is under way already. Another command with the same MAVLink number
+    /// counts as refused: its answers could not be told from the new one's.
     pub(crate) fn begin(
         &mut self,
         asked: VehicleCommand,
@@ -48,6 +48,9 @@ impl Commands {
         now: Stamp<Mono>,
         out: &mut SessionOutput,
     ) {
+        if self.under_way.iter().any(|attempt| attempt.asked == asked) {
+            return;
+        }
         if let Some(older) = self.take(wire.command) {
             out.events.push(outcome(older.asked, false, now));
         }

@@ -1,12 +1,18 @@
 //! Moves frames: datagrams, TCP and serial ports.
 //!
-//! A transport runs as one task between two bounded channels. What does not fit is dropped and
-//! counted; an unknown message, a bad checksum or a value that an enumeration does not know never
-//! ends it. A stream that breaks is opened again after a second, for ever.
+//! A transport runs as one task between a bounded channel and an outbox. What does not fit is
+//! dropped and counted; an unknown message, a bad checksum or a value that an enumeration does not
+//! know never ends it. A stream that breaks is opened again after a second, for ever. A serial port
+//! is given no more than its baud rate carries, so that what waits can still be overtaken.
 
+mod queue;
 mod stream;
 mod udp;
 
+pub use queue::{OutboxFull, OutgoingSender};
+
+pub use super::outbox::Outgoing;
+use super::outbox::Pace;
 use super::settings::Address;
 use super::{Guard, GuardStats, wire};
 use crate::time::{Mono, Stamp};
@@ -21,7 +27,7 @@ use tokio::sync::mpsc;
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 
-/// Messages that wait in each direction: two seconds of a fast link.
+/// Messages that wait to be taken: two seconds of a fast link.
 const CHANNEL_CAPACITY: usize = 1024;
 /// Pause before a broken stream is opened again.
 const REOPEN_AFTER: Duration = Duration::from_secs(1);
@@ -45,15 +51,6 @@ pub struct Received {
     pub arrived: Stamp<Mono>,
 }
 
-/// A message to be sent; the transport sets its sequence number.
-#[derive(Debug, Clone)]
-pub struct Outgoing {
-    /// Who sends it.
-    pub header: MavHeader,
-    /// What it says.
-    pub message: MavMessage,
-}
-
 /// Counters of a transport since its start.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct TransportStats {
@@ -69,6 +66,8 @@ pub struct TransportStats {
     pub strangers: u64,
     /// Frames that were sent.
     pub sent: u64,
+    /// Messages that never left because a newer one of their kind came: the line is too slow.
+    pub superseded: u64,
     /// Frames that could not be sent: no peer, or an error of the system.
     pub send_failed: u64,
     /// Errors and ends of the stream or socket.
@@ -88,6 +87,7 @@ struct Counters {
     garbage_datagrams: AtomicU64,
     strangers: AtomicU64,
     sent: AtomicU64,
+    superseded: AtomicU64,
     send_failed: AtomicU64,
     io_errors: AtomicU64,
     opened: AtomicU64,
@@ -103,7 +103,7 @@ pub struct Transport {
     /// What arrives.
     pub received: mpsc::Receiver<Received>,
     /// What is to be sent.
-    pub outgoing: mpsc::Sender<Outgoing>,
+    pub outgoing: OutgoingSender,
     counters: Arc<Counters>,
     guard: Arc<Guard>,
     local_addr: Option<SocketAddr>,
@@ -135,8 +135,8 @@ impl Transport {
         stop: CancellationToken,
     ) -> std::io::Result<Self> {
         let (received_tx, received) = mpsc::channel(CHANNEL_CAPACITY);
-        let (outgoing, outgoing_rx) = mpsc::channel(CHANNEL_CAPACITY);
         let counters = Arc::new(Counters::default());
+        let (outgoing, outgoing_rx) = queue::queue(&counters);
         let guard = Arc::new(guard);
         let ends = Ends {
             received: received_tx,
@@ -179,6 +179,7 @@ impl Transport {
             garbage_datagrams: read(&c.garbage_datagrams),
             strangers: read(&c.strangers),
             sent: read(&c.sent),
+            superseded: read(&c.superseded),
             send_failed: read(&c.send_failed),
             io_errors: read(&c.io_errors),
             opened: read(&c.opened),
@@ -198,7 +199,7 @@ impl Transport {
 #[derive(Debug)]
 struct Ends<T> {
     received: mpsc::Sender<Received>,
-    outgoing: mpsc::Receiver<Outgoing>,
+    outgoing: queue::OutgoingReceiver,
     counters: Arc<Counters>,
     guard: Arc<Guard>,
     timer: T,

@@ -347,6 +347,12 @@ impl Localizer {
         Some(self.placed_ring()?.newest().hall_from_body)
     }
 
+    /// The stamp of the newest inertial sample.
+    #[must_use]
+    pub fn last_sample_at(&self) -> Option<Stamp<Mono>> {
+        self.last_imu.map(|imu| imu.at)
+    }
+
     /// True if the pose can be flown on and no part of the belief is NaN or infinite.
     #[must_use]
     pub fn is_trusted(&self, now: Stamp<Mono>) -> bool {

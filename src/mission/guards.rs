@@ -23,6 +23,9 @@ pub struct Settings {
     pub take_off_timeout: Duration,
     /// Without a pose for this long in a hold, it lands.
     pub land_after_fix_lost: Duration,
+    /// From samples that come late to [`Phase::Land`]: the autopilot gets no place that it can use, so
+    /// waiting in the air drifts.
+    pub land_after_late: Duration,
     /// A recovered pose or LiDAR must stay this long before the flight goes on.
     pub recovered_after: Duration,
     /// Without LiDAR for this long in a hold, it returns.
@@ -55,6 +58,7 @@ impl Default for Settings {
             command_retry: Duration::from_secs(2),
             take_off_timeout: Duration::from_secs(30),
             land_after_fix_lost: Duration::from_secs(3),
+            land_after_late: Duration::from_secs(1),
             recovered_after: Duration::from_secs(1),
             return_after_lidar_lost: Duration::from_secs(10),
             land_beside_pad_after: Duration::from_secs(10),

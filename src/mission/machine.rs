@@ -20,6 +20,9 @@ pub struct Inputs {
     pub is_autopilot_lost: bool,
     /// The own pose can be flown on.
     pub has_position: bool,
+    /// The autopilot's samples come late, and so does every ODOMETRY that it gets: it soon flies by
+    /// dead reckoning.
+    pub is_late: bool,
     /// Beams arrive.
     pub has_lidar: bool,
     /// State of charge, 0 to 1.
@@ -392,7 +395,12 @@ impl Mission {
         }
         if !inputs.has_position {
             self.recovered_since = None;
-            let is_gone = |since| inputs.now.since(since) > self.settings.land_after_fix_lost;
+            let patience = if inputs.is_late {
+                self.settings.land_after_late
+            } else {
+                self.settings.land_after_fix_lost
+            };
+            let is_gone = |since| inputs.now.since(since) > patience;
             if self.lost_since.is_some_and(is_gone) {
                 effects.push(Effect::Say(Severity::Critical, "position lost: landing".to_owned()));
                 self.enter(Phase::Land, "position lost", inputs.now, effects);

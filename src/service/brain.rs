@@ -75,6 +75,8 @@ pub(super) struct Brain {
     wished: VecDeque<Wish>,
     last_tick: Arc<AtomicI64>,
     warned: (Stamp<Mono>, u64),
+    /// When a slow line was told of last, and how much had been replaced by then.
+    warned_of_slow_line: (Stamp<Mono>, u64),
     /// When refused frames were told of last, and how many there were then.
     warned_of_refusals: Option<(Stamp<Mono>, u64)>,
     warned_of_autopilots: bool,
@@ -106,6 +108,7 @@ impl Brain {
             wished: VecDeque::new(),
             last_tick: Arc::new(AtomicI64::new(now.nanos())),
             warned: (now, 0),
+            warned_of_slow_line: (now, 0),
             warned_of_refusals: None,
             warned_of_autopilots: false,
             clock,
@@ -218,7 +221,7 @@ impl Brain {
     fn take_output(&mut self) {
         let header = self.session.header();
         for message in self.out.messages.drain(..) {
-            if self.transport.outgoing.try_send(Outgoing { header, message }).is_err() {
+            if self.transport.outgoing.send(Outgoing { header, message }).is_err() {
                 self.status.stats.outgoing_lost += 1;
             }
         }
@@ -317,6 +320,7 @@ impl Brain {
         self.status.is_clock_known = self.session.is_clock_known();
         self.status.stats = self.full_stats();
         self.warn_of_loss(now);
+        self.warn_of_slow_line(now);
         self.warn_of_refusals(now);
         if !self.warned_of_autopilots && self.status.stats.link.refused_autopilots > 0 {
             self.warned_of_autopilots = true;
@@ -334,6 +338,17 @@ impl Brain {
         if lost > lost_before && now.since(warned_at) >= WARN_EVERY {
             tracing::warn!(lost = lost - lost_before, stats = ?self.status.stats, "data was lost");
             self.warned = (now, lost);
+        }
+    }
+
+    /// What is sent again and again comes late, and seldom.
+    fn warn_of_slow_line(&mut self, now: Stamp<Mono>) {
+        let (warned_at, n_before) = self.warned_of_slow_line;
+        let superseded = self.status.stats.transport.superseded;
+        if superseded > n_before && now.since(warned_at) >= WARN_EVERY {
+            let n = superseded - n_before;
+            tracing::warn!(superseded = n, "the line to the autopilot is slower than what is sent");
+            self.warned_of_slow_line = (now, superseded);
         }
     }
 
@@ -384,6 +399,7 @@ const fn pulse(status: &ServiceStatus) -> Pulse {
         jobs_failed: stats.jobs_failed,
         records_lost: stats.records_lost,
         outgoing_lost: stats.outgoing_lost,
+        outgoing_superseded: stats.transport.superseded,
         received_lost: stats.transport.received_lost,
         refused_frames: stats.transport.guard.refused(),
         link: stats.link,

@@ -38,6 +38,8 @@ pub struct Pulse {
     pub records_lost: u64,
     /// Messages to the autopilot dropped at a full transport.
     pub outgoing_lost: u64,
+    /// Messages that never left because a newer one of their kind came.
+    pub outgoing_superseded: u64,
     /// Messages of the autopilot that nobody took in time.
     pub received_lost: u64,
     /// Frames refused before they were decoded.

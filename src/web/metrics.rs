@@ -119,6 +119,13 @@ fn brain(registry: &mut Registry, shared: &Shared) {
     counter(registry, "jobs_failed", "Jobs that died", pulse.jobs_failed);
     counter(registry, "log_entries_lost", "Log entries lost", pulse.records_lost);
     counter(registry, "messages_out_lost", "Messages dropped on the way out", pulse.outgoing_lost);
+    let superseded = pulse.outgoing_superseded;
+    counter(
+        registry,
+        "messages_out_superseded",
+        "Replaced by newer ones on a slow line",
+        superseded,
+    );
     counter(registry, "messages_in_lost", "Messages nobody took in time", pulse.received_lost);
     counter(registry, "frames_refused", "Frames refused unread", pulse.refused_frames);
     counter(registry, "autopilot_messages", "Messages of the autopilot", pulse.link.messages_in);

@@ -92,14 +92,14 @@ async fn the_first_autopilot_is_the_only_one_heard_and_spoken_to() {
     // A ground station alone does not make a peer.
     stranger.says(&heartbeat_frame((255, 190), [6, 8, 0, 4])).await;
     until(|| scene.transport.stats().strangers == 1).await;
-    scene.transport.outgoing.send(heartbeat_out()).await.unwrap();
+    scene.transport.outgoing.send(heartbeat_out()).unwrap();
     until(|| scene.transport.stats().send_failed == 1).await;
     scene.autopilot.says(&px4_heartbeat()).await;
     scene.next().await;
     stranger.says(&heartbeat_frame((9, 1), [2, 12, 0x91, 4])).await;
     until(|| scene.transport.stats().strangers == 2).await;
     for sequence in 0..3 {
-        scene.transport.outgoing.send(heartbeat_out()).await.unwrap();
+        scene.transport.outgoing.send(heartbeat_out()).unwrap();
         let (header, _) = scene.autopilot.hears().await;
         assert_eq!((header.component_id, header.sequence), (191, sequence));
     }
@@ -108,7 +108,7 @@ async fn the_first_autopilot_is_the_only_one_heard_and_spoken_to() {
     scene.driver.advance_to(at_ms(10_001));
     stranger.says(&px4_heartbeat()).await;
     scene.next().await;
-    scene.transport.outgoing.send(heartbeat_out()).await.unwrap();
+    scene.transport.outgoing.send(heartbeat_out()).unwrap();
     stranger.hears().await;
     scene.end().await;
 }
@@ -120,7 +120,7 @@ async fn a_configured_peer_is_spoken_to_first() {
     let (clock, _driver) = Clock::driven();
     let stop = CancellationToken::new();
     let mut transport = Transport::start(&address, clock, stop.clone()).await.unwrap();
-    transport.outgoing.send(heartbeat_out()).await.unwrap();
+    transport.outgoing.send(heartbeat_out()).unwrap();
     let mut buffer = [0; 512];
     let (_, from) = patiently(autopilot.recv_from(&mut buffer)).await.unwrap();
     autopilot.send_to(&px4_heartbeat(), from).await.unwrap();

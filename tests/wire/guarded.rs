@@ -80,7 +80,7 @@ async fn signed_frames_pass_both_ways_and_replays_and_forgeries_do_not() {
         (3, 1, 1, 1)
     );
     let header = MavHeader { system_id: 1, component_id: 191, sequence: 0 };
-    transport.outgoing.send(Outgoing { header, message: battery() }).await.unwrap();
+    transport.outgoing.send(Outgoing { header, message: battery() }).unwrap();
     let frame = peer.hears_raw().await;
     assert!(theirs.verify_signature(&frame), "the other implementation believes it");
     assert!(!theirs.verify_signature(&frame), "once");

@@ -4,9 +4,10 @@ use mavlink::dialects::ardupilotmega::MavMessage;
 use mavlink::{MAVLinkV2MessageRaw, MavHeader};
 use std::collections::VecDeque;
 use std::time::Duration;
+use stockpilot::link::outbox::{Outbox, Outgoing, Pace};
 use stockpilot::time::{Mono, Stamp};
 
-/// A transmitter holds this much; what comes on top is lost, bytes.
+/// The autopilot's transmitter holds this much; what comes on top is lost, bytes.
 const TRANSMITTER_BYTES: f64 = 1_024.0;
 
 /// A message with its sender.
@@ -33,10 +34,7 @@ pub struct LinkLayer {
     pub delay_to_companion: Duration,
     /// From the companion's sending to the autopilot's hearing.
     pub delay_to_autopilot: Duration,
-    /// What the line carries in each direction, bytes/s; as much as there is if `None`.
-    pub bytes_per_s: Option<f64>,
-    /// When the line is free again: to the companion, to the autopilot.
-    free_at: [Stamp<Mono>; 2],
+    slow_line: Option<SlowLine>,
     tamper: Option<Tamper>,
     to_companion: VecDeque<(Stamp<Mono>, Addressed)>,
     to_autopilot: VecDeque<(Stamp<Mono>, Addressed)>,
@@ -59,12 +57,30 @@ impl LinkLayer {
         self.tamper = Some(Box::new(tamper));
     }
 
+    /// From now on the line carries no more than this in each direction, bytes/s.
+    pub fn slow_down(&mut self, bytes_per_s: f64) {
+        self.slow_line = Some(SlowLine {
+            outbox: Outbox::default(),
+            to_autopilot: Pace::new(bytes_per_s),
+            to_companion: Some(Pace::new(bytes_per_s)),
+            most_waiting: Duration::from_secs_f64(TRANSMITTER_BYTES / bytes_per_s),
+        });
+    }
+
+    /// The same only for what goes to the autopilot.
+    pub fn slow_down_to_autopilot(&mut self, bytes_per_s: f64) {
+        self.slow_down(bytes_per_s);
+        if let Some(line) = &mut self.slow_line {
+            line.to_companion = None;
+        }
+    }
+
     /// Everything works again.
     pub fn mend(&mut self) {
         self.is_cut = false;
         self.delay_to_companion = Duration::ZERO;
         self.delay_to_autopilot = Duration::ZERO;
-        self.bytes_per_s = None;
+        self.slow_line = None;
         self.tamper = None;
     }
 
@@ -99,30 +115,68 @@ impl LinkLayer {
             queue.clear();
             return Vec::new();
         }
-        let free_at = &mut self.free_at[usize::from(way == Way::ToAutopilot)];
-        for one in sent {
-            let Some(left_at) = transmitted(&one, now, self.bytes_per_s, free_at) else { continue };
-            queue.push_back((left_at.plus(delay), one));
-        }
+        let left = match (&mut self.slow_line, way) {
+            (None, _) => sent.into_iter().map(|one| (now, one)).collect(),
+            (Some(line), Way::ToCompanion) => line.autopilot_sends(now, sent),
+            (Some(line), Way::ToAutopilot) => line.companion_sends(now, sent),
+        };
+        queue.extend(left.into_iter().map(|(left_at, one)| (left_at.plus(delay), one)));
         let n_due = queue.iter().take_while(|(due, _)| *due <= now).count();
         queue.drain(..n_due).map(|(_, one)| one).collect()
     }
 }
 
-/// When the last byte of a message has left; `None` if it finds no room.
-fn transmitted(
-    (header, message): &Addressed,
-    now: Stamp<Mono>,
-    bytes_per_s: Option<f64>,
-    free_at: &mut Stamp<Mono>,
-) -> Option<Stamp<Mono>> {
-    let Some(bytes_per_s) = bytes_per_s else { return Some(now) };
-    if free_at.since(now).as_secs_f64() * bytes_per_s > TRANSMITTER_BYTES {
-        return None;
+/// A line that carries less than is asked of it.
+struct SlowLine {
+    /// The companion's transport.
+    outbox: Outbox,
+    to_autopilot: Pace,
+    to_companion: Option<Pace>,
+    /// What the autopilot's transmitter holds.
+    most_waiting: Duration,
+}
+
+impl SlowLine {
+    /// In order; what finds no room is lost. With each message the instant at which it has left.
+    fn autopilot_sends(
+        &mut self,
+        now: Stamp<Mono>,
+        sent: Vec<Addressed>,
+    ) -> Vec<(Stamp<Mono>, Addressed)> {
+        let Some(pace) = &mut self.to_companion else {
+            return sent.into_iter().map(|one| (now, one)).collect();
+        };
+        let mut left = Vec::new();
+        for one in sent {
+            if pace.free_at().since(now) <= self.most_waiting {
+                left.push((pace.hand_over(now, frame_bytes(&one)), one));
+            }
+        }
+        left
     }
+
+    /// As the service's transport does it: the most urgent and newest first.
+    fn companion_sends(
+        &mut self,
+        now: Stamp<Mono>,
+        sent: Vec<Addressed>,
+    ) -> Vec<(Stamp<Mono>, Addressed)> {
+        for (header, message) in sent {
+            let _placed = self.outbox.put(Outgoing { header, message });
+        }
+        let mut left = Vec::new();
+        while self.to_autopilot.open_from() <= now
+            && let Some(Outgoing { header, message }) = self.outbox.take()
+        {
+            let one = (header, message);
+            left.push((self.to_autopilot.hand_over(now, frame_bytes(&one)), one));
+        }
+        left
+    }
+}
+
+fn frame_bytes((header, message): &Addressed) -> usize {
     let mut raw = MAVLinkV2MessageRaw::new();
     raw.serialize_message(*header, message);
-    let takes = Duration::from_secs_f64(raw.raw_bytes().len() as f64 / bytes_per_s);
-    *free_at = now.max(*free_at).plus(takes);
-    Some(*free_at)
+    raw.raw_bytes().len()
 }

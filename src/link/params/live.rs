@@ -207,7 +207,7 @@ impl<T: Timer> LiveAutopilot<T> {
             sequence: 0,
         };
         // What finds no place is asked for again.
-        let _sent = self.transport.outgoing.try_send(Outgoing { header, message });
+        let _sent = self.transport.outgoing.send(Outgoing { header, message });
     }
 }
 

@@ -1,14 +1,14 @@
 //! Byte streams: TCP and serial ports, opened again when they break.
 
-use super::{
-    Counters, Ends, Outgoing, REOPEN_AFTER, Received, Timer, count, hand_on, numbered_frame,
-};
+use super::{Counters, Ends, Pace, REOPEN_AFTER, Received, Timer, count, hand_on, numbered_frame};
 use crate::link::Guard;
 use mavlink::AsyncMavlinkReader;
 use mavlink::dialects::ardupilotmega::MavMessage;
 use mavlink::error::MessageReadError;
 use std::future::Future;
 use std::io;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
 use tokio::io::{AsyncRead, AsyncWrite, AsyncWriteExt as _};
 use tokio::net::TcpStream;
 use tokio::sync::mpsc;
@@ -20,6 +20,10 @@ pub(super) trait Opener: Send + 'static {
     type Stream: AsyncRead + AsyncWrite + Unpin + Send;
     fn open(&self) -> impl Future<Output = io::Result<Self::Stream>> + Send;
     fn name(&self) -> &str;
+    /// How fast the line takes bytes, where that is known.
+    fn pace(&self) -> Option<Pace> {
+        None
+    }
 }
 
 #[derive(Debug)]
@@ -58,6 +62,10 @@ impl Opener for Serial {
     fn name(&self) -> &str {
         &self.path
     }
+
+    fn pace(&self) -> Option<Pace> {
+        Some(Pace::of_baud(self.baud))
+    }
 }
 
 /// Works until `stop` is cancelled.
@@ -91,14 +99,14 @@ async fn serve_once<O: Opener, T: Timer>(opener: &O, ends: &mut Ends<T>) -> io::
     count(&ends.counters.opened);
     tracing::info!(link = opener.name(), "the link is open");
     // What waited while the link was down is stale: a setpoint of a second ago must not be flown.
-    while ends.outgoing.try_recv().is_ok() {
-        count(&ends.counters.send_failed);
-    }
+    let n_stale = ends.outgoing.clear() as u64;
+    ends.counters.send_failed.fetch_add(n_stale, Ordering::Relaxed);
     let (reader, writer) = tokio::io::split(stream);
-    let Ends { received, outgoing, counters, guard, timer, sequence } = ends;
+    let (counters, guard) = (Arc::clone(&ends.counters), Arc::clone(&ends.guard));
+    let (received, timer) = (ends.received.clone(), ends.timer.clone());
     tokio::select! {
-        error = read_all(reader, received, counters, guard, timer) => Err(error),
-        result = write_all(writer, outgoing, counters, guard, sequence) => result,
+        error = read_all(reader, &received, &counters, &guard, &timer) => Err(error),
+        result = write_all(writer, opener.pace(), ends) => result,
     }
 }
 
@@ -124,16 +132,20 @@ async fn read_all<R: AsyncRead + Unpin, T: Timer>(
     }
 }
 
-async fn write_all<W: AsyncWrite + Unpin>(
+/// Chooses a message only once the line takes it: what came meanwhile may be more urgent.
+async fn write_all<W: AsyncWrite + Unpin, T: Timer>(
     mut sink: W,
-    outgoing: &mut mpsc::Receiver<Outgoing>,
-    counters: &Counters,
-    guard: &Guard,
-    sequence: &mut u8,
+    mut pace: Option<Pace>,
+    ends: &mut Ends<T>,
 ) -> io::Result<()> {
-    while let Some(message) = outgoing.recv().await {
-        sink.write_all(&numbered_frame(&message, sequence, guard)).await?;
-        count(&counters.sent);
+    while let Some(message) = ends.outgoing.recv().await {
+        let frame = numbered_frame(&message, &mut ends.sequence, &ends.guard);
+        sink.write_all(&frame).await?;
+        count(&ends.counters.sent);
+        if let Some(pace) = &mut pace {
+            let _left_at = pace.hand_over(ends.timer.now(), frame.len());
+            ends.timer.sleep_until(pace.open_from()).await;
+        }
     }
     Ok(())
 }

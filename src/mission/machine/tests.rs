@@ -10,6 +10,7 @@ fn inputs(seconds: f64) -> Inputs {
         vehicle: Some(vehicle(false, FlightMode::Hold, LandedState::OnGround)),
         is_autopilot_lost: false,
         has_position: true,
+        is_late: false,
         has_lidar: true,
         battery_ratio: Some(0.9),
         has_plan: true,
@@ -435,4 +436,18 @@ fn the_preflight_tells_what_it_measured() {
         .collect();
     let line = "preflight: battery 90 %, position sigma 2 cm, autopilot off by 5 cm, heading off by 6 deg, LiDAR on";
     assert_eq!(said, [line]);
+}
+
+/// While samples come late the autopilot drifts: a hold lasts one second, then it lands.
+#[test]
+fn late_samples_hold_shortly_and_land() {
+    let mut mission = surveying();
+    let late = |seconds| Inputs { has_position: false, is_late: true, ..flying(seconds) };
+    let mut effects = Vec::new();
+    mission.step(&late(20.0), &mut effects);
+    assert_eq!(mission.phase(), Phase::Hold);
+    mission.step(&late(20.9), &mut effects);
+    assert_eq!(mission.phase(), Phase::Hold);
+    mission.step(&late(21.1), &mut effects);
+    assert_eq!(mission.phase(), Phase::Land);
 }

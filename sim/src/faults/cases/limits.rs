@@ -14,8 +14,6 @@ use stockpilot::stats::SeedBook;
 const GROUND_STATION: MavHeader = MavHeader { system_id: 255, component_id: 190, sequence: 0 };
 /// A radio's 57600 baud, bytes/s in each direction.
 const RADIO_BYTES_PER_S: f64 = 5_760.0;
-/// The half of 230400 baud, the slowest line that is taken, bytes/s.
-const HALF_LINE_BYTES_PER_S: f64 = 11_520.0;
 /// Of every 100 ms a throttled computer works so long, in steps of 5 ms.
 const WORKING_STEPS: usize = 6;
 
@@ -68,23 +66,33 @@ pub(super) fn slow_computer(lab: &mut Lab) -> anyhow::Result<()> {
 pub(super) fn slow_link(lab: &mut Lab) -> anyhow::Result<()> {
     // From the ground on: clocks and streams never come about, so neither does a flight.
     lab.fly(|bench| {
-        bench.flight.link.bytes_per_s = Some(RADIO_BYTES_PER_S);
+        bench.flight.link.slow_down(RADIO_BYTES_PER_S);
         bench.strike();
         bench.safe_already();
         bench.run(75.0);
         bench.demand(!bench.flight.rig.autopilot().is_armed(), "no start over such a line");
         bench.demand(bench.flight.texts().iter().any(|t| t.contains("no take-off")), "is told");
     })?;
-    // Somebody else takes the half of the usual line in flight.
+    // In flight: a third of the inertial samples arrives, and late; nothing is flown by them, and
+    // what keeps the vehicle safe still gets through.
+    lab.fly(|bench| {
+        bench.survey();
+        bench.strike();
+        bench.flight.link.slow_down(RADIO_BYTES_PER_S);
+        bench.safe_within(1.5, "waits", |bench| bench.phase() == Phase::Hold);
+        bench.safe_within(2.5, "lands", |bench| bench.phase() == Phase::Land);
+        let is_down = bench.until(60.0, Bench::is_down);
+        bench.demand(bench.said("samples are"), "says why");
+        bench.demand(is_down, "on the ground in the end");
+    })?;
+    // Only the way to the autopilot is slow: every sample is in time, and the survey goes on.
     lab.fly(|bench| {
         bench.survey();
         bench.strike();
         bench.safe_already();
-        bench.flight.link.bytes_per_s = Some(HALF_LINE_BYTES_PER_S);
+        bench.flight.link.slow_down_to_autopilot(RADIO_BYTES_PER_S);
         bench.run(20.0);
-        bench.flight.operator_mut().ask(MavCmd::MAV_CMD_USER_5);
-        bench.run(1.0);
-        bench.flight.link.bytes_per_s = None;
+        bench.demand(bench.phases().is_empty() && bench.is_steered(), "the survey goes on");
         bench.flight.operator_mut().ask(MavCmd::MAV_CMD_USER_5);
         let is_down = bench.until(60.0, Bench::is_down);
         bench.demand(is_down, "on the ground in the end");

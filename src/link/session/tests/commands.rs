@@ -129,3 +129,17 @@ fn commands_to_others_are_ignored_and_unknown_ones_unsupported() {
     let [MavMessage::COMMAND_ACK(data)] = sent.as_slice() else { panic!("{sent:?}") };
     assert_eq!(data.result, MavResult::MAV_RESULT_UNSUPPORTED);
 }
+
+/// A brain that goes on asking must not be told that its first question was refused.
+#[test]
+fn what_is_under_way_is_not_asked_anew() {
+    let mut scene = Scene::heard();
+    let land = VehicleCommand::EnterLand;
+    scene.acts(&Action::Command(land), 0);
+    assert_eq!(scene.sent().len(), 1);
+    scene.acts(&Action::Command(land), 100);
+    assert_eq!((scene.sent().len(), scene.outcomes()), (0, Vec::new()));
+    // Another mode by the same command takes its place.
+    scene.acts(&Action::Command(VehicleCommand::EnterCompanionMode), 200);
+    assert_eq!(scene.outcomes(), [(land, false)]);
+}
