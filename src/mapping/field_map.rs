@@ -82,8 +82,8 @@ pub struct NewestField {
     pub heights_m: Vec<f64>,
     /// Nodes that rest on data.
     pub is_known: Vec<bool>,
-    /// How far the patches of a square scatter about each other, m.
-    pub scatter_m: f64,
+    /// How far the patches of a square scatter about each other, m; `None` before enough is seen.
+    pub scatter_m: Option<f64>,
     /// What is known of ground that no beam reached.
     pub hidden: HiddenGround,
     /// The adjoint of each volume, m²: where the next iterative solve of them starts in flight.
@@ -93,7 +93,7 @@ pub struct NewestField {
 impl NewestField {
     /// The roughness that the data show, m; `None` before they do.
     fn shown_roughness_m(&self) -> Option<f64> {
-        (self.scatter_m > 0.0).then_some(self.scatter_m.max(LEAST_ROUGHNESS_M))
+        self.scatter_m.map(|scatter_m| scatter_m.max(LEAST_ROUGHNESS_M))
     }
 }
 
@@ -124,6 +124,10 @@ impl FieldMap {
         if let Some(lidar) = self.setup.lidars.get(footprint.lidar_idx) {
             Arc::make_mut(&mut self.ceiling).take(&self.setup.lattice, lidar, &footprint);
         }
+        // Thousands of turns stay: what the lists have grown into and do not use would double them.
+        footprint.patches.shrink_to_fit();
+        footprint.passed_to_m.shrink_to_fit();
+        footprint.error.tags.shrink_to_fit();
         self.footprints.push(Arc::new(footprint));
     }
 

@@ -16,6 +16,7 @@ mod information;
 mod iterative;
 mod lattice;
 mod multigrid;
+mod prepared_prior;
 mod prior;
 mod solution;
 mod stencil;
@@ -87,8 +88,8 @@ pub enum Solver {
 }
 
 impl Solver {
-    /// Iterative, good enough for an update in flight: the volume is off by less than a
-    /// thousandth of its σ (`functional` corrects it further), σ by less than a millionth.
+    /// Iterative, good enough for an update in flight: with what `functional` corrects, the volume is off
+    /// by less than a thousandth of its σ; σ by less than a ten-thousandth of itself.
     pub const LIVE: Self = Self::Iterative { residual_ratio: 1e-4 };
 
     /// Up to here the factor is made in less than a tenth of a second, and gives draws and exact

@@ -48,6 +48,8 @@ struct Square {
     pass: Pass,
     /// Of the passes before: Σ of squares about each pass's mean, less what the beams' noise gives.
     rough_m2: f64,
+    /// Of the passes before: what the beams' noise gives.
+    known_m2: f64,
     /// Of the passes before: patches less passes.
     freedom: f64,
 }
@@ -66,7 +68,8 @@ struct Pass {
 /// the calibration differ between legs, and are no roughness.
 const PASS_S: f64 = 2.0;
 
-/// A square that is rougher than the middle one by more than this has an edge in it, not roughness.
+/// A square that scatters more than the middle one with the beams' noise by this factor has an edge in it,
+/// not roughness. The noise counts, for the middle square may be bare floor.
 const CLIP: f64 = 5.0;
 /// Fewer squares with several patches tell nothing.
 const LEAST_SQUARES: usize = 50;
@@ -102,14 +105,15 @@ impl Residuals {
     #[must_use]
     #[expect(clippy::cast_precision_loss, reason = "counts of squares")]
     pub fn scatter_m(&self) -> Option<f64> {
-        let mut vars_m2: Vec<f64> =
-            self.squares.iter().filter_map(|square| square.scatter_m2()).collect();
+        let squares = || self.squares.iter().filter_map(|square| square.scatter_m2());
+        let mut vars_m2: Vec<f64> = squares().map(|(rough_m2, _)| rough_m2).collect();
         if vars_m2.len() < LEAST_SQUARES {
             return None;
         }
+        let known_m2 = squares().map(|(_, known_m2)| known_m2).sum::<f64>() / vars_m2.len() as f64;
         let middle = vars_m2.len() / 2;
         let (_, &mut median_m2, _) = vars_m2.select_nth_unstable_by(middle, f64::total_cmp);
-        let clip_m2 = CLIP * CLIP * median_m2.max(0.0);
+        let clip_m2 = CLIP * CLIP * (median_m2.max(0.0) + known_m2);
         let sum_m2: f64 = vars_m2.iter().map(|var| var.min(clip_m2)).sum();
         Some((sum_m2 / vars_m2.len() as f64).max(0.0).sqrt())
     }
@@ -120,16 +124,18 @@ impl Square {
     fn end_pass(&mut self) {
         let Pass { n, sum_m, sum_m2, known_var_m2, .. } = std::mem::take(&mut self.pass);
         if n > 1.5 {
-            self.rough_m2 += sum_m2 - sum_m * sum_m / n - known_var_m2 * (n - 1.0) / n;
+            let known_m2 = known_var_m2 * (n - 1.0) / n;
+            self.rough_m2 += sum_m2 - sum_m * sum_m / n - known_m2;
+            self.known_m2 += known_m2;
             self.freedom += n - 1.0;
         }
     }
 
-    /// Variance of the patches about the means of their passes, without the beams' noise; `None`
-    /// without two patches of one pass.
-    fn scatter_m2(mut self) -> Option<f64> {
+    /// Variance of the patches about the means of their passes, without the beams' noise, and that of the
+    /// noise; `None` without two patches of one pass.
+    fn scatter_m2(mut self) -> Option<(f64, f64)> {
         self.end_pass();
-        (self.freedom > 0.5).then(|| self.rough_m2 / self.freedom)
+        (self.freedom > 0.5).then(|| (self.rough_m2 / self.freedom, self.known_m2 / self.freedom))
     }
 }
 
@@ -176,6 +182,37 @@ mod tests {
         let found_m = residuals.scatter_m().expect("enough squares");
         // Clipped edges still count 5 times the middle one: 1 % of 25 is an eighth of σ.
         assert!((0.97 * scatter_m..1.15 * scatter_m).contains(&found_m), "{found_m}");
+    }
+
+    /// Squares of which this share is ground of this roughness, the others bare floor, under beams of 1 cm
+    /// that are told as `told_m`.
+    fn scatter_on_floor_with_heaps(rough_share: f64, rough_m: f64, told_m: f64) -> Option<f64> {
+        let mut noise = SeedBook::new(7).stream("ground");
+        let mut residuals = Residuals::new(4_000);
+        for square in 0..4_000 {
+            let own_m = if f64::from(square) < 4_000.0 * rough_share { rough_m } else { 0.0 };
+            for _ in 0..4 {
+                let height_m = own_m.hypot(0.01) * noise.normal();
+                residuals.push(Stamp::ZERO, &datum(square, height_m, told_m * told_m), 0.0);
+            }
+        }
+        residuals.scatter_m()
+    }
+
+    #[test]
+    fn heaps_on_bare_floor_count_with_their_share() {
+        let found_m = scatter_on_floor_with_heaps(0.3, 0.03, 0.01).expect("enough squares");
+        // √0.3 · 0.03, to a few standard errors: √(2/(1200 · 3)) of the variance.
+        assert!((found_m / (0.3_f64.sqrt() * 0.03) - 1.0).abs() < 0.06, "{found_m}");
+    }
+
+    #[test]
+    fn bare_floor_is_found_smooth_and_not_unknown() {
+        let found_m = scatter_on_floor_with_heaps(0.0, 0.0, 0.01).expect("enough squares");
+        // The variance of 12,000 residuals of 1 cm is known to 1.3 %, which is 1.1 mm of roughness; twice.
+        assert!(found_m < 0.0016, "{found_m}");
+        // Beams that are better than told leave nothing, and that is known too.
+        assert_eq!(scatter_on_floor_with_heaps(0.0, 0.0, 0.012), Some(0.0));
     }
 
     #[test]

@@ -106,7 +106,7 @@ impl Setup {
             roughness_m: newest
                 .and_then(NewestField::shown_roughness_m)
                 .unwrap_or(self.settings.nugget_m),
-            scatter_m: newest.map_or(0.0, |newest| newest.scatter_m),
+            scatter_m: newest.and_then(|newest| newest.scatter_m).unwrap_or(0.0),
             slope_sigma: self.settings.slope_sigma,
         }
     }

@@ -145,11 +145,11 @@ impl SolveField {
                 None => (hidden.clone(), 0.0),
             };
             if sweep == n_sweeps || step < SETTLED_SIGMAS {
-                let scatter_m = data.residuals.scatter_m().or(before.map(|b| b.scatter_m));
+                let scatter_m = data.residuals.scatter_m().or(before.and_then(|b| b.scatter_m));
                 let newest = NewestField {
                     heights_m: solution.height_m().to_vec(),
                     is_known,
-                    scatter_m: scatter_m.unwrap_or(0.0),
+                    scatter_m,
                     hidden: next,
                     adjoints_m2: before.map_or_else(Vec::new, |b| b.adjoints_m2.clone()),
                 };

@@ -34,25 +34,27 @@ pub(super) fn conjugate_gradients(
 ) -> Result<Converged, FieldError> {
     let n = b.len();
     let mut x = start;
-    let (mut z, mut q_p) = (vec![0.0; n], vec![0.0; n]);
-    precondition(b, &mut z);
-    let from_zero = dot(b, &z);
-    let bound = from_zero * stop.residual_ratio * stop.residual_ratio;
-    let (mut r, mut r_z) = (b.to_vec(), from_zero);
-    let mut p = z.clone();
+    let (mut r, mut z, mut q_p) = (b.to_vec(), vec![0.0; n], vec![0.0; n]);
+    let (mut r_z, mut from_zero) = (0.0, 0.0);
     if x.iter().any(|x| *x != 0.0) {
         apply(&x, &mut q_p);
         r.iter_mut().zip(&q_p).for_each(|(r, q)| *r -= q);
+        // 2 bᵀx − xᵀQx = bᵀQ⁻¹b − |x − Q⁻¹b|² in the norm of Q: the scale of b, from below, without
+        // preconditioning it.
+        from_zero = dot(b, &x) + dot(&r, &x);
         precondition(&r, &mut z);
         r_z = dot(&r, &z);
-        if r_z < from_zero {
-            p.clone_from(&z);
-        } else {
-            // A start that is worse than none.
-            x.fill(0.0);
-            (r, z, r_z) = (b.to_vec(), p.clone(), from_zero);
-        }
     }
+    if r_z >= from_zero {
+        // No start, or one that is hardly better than none.
+        x.fill(0.0);
+        r.copy_from_slice(b);
+        precondition(&r, &mut z);
+        r_z = dot(&r, &z);
+        from_zero = r_z;
+    }
+    let bound = from_zero * stop.residual_ratio * stop.residual_ratio;
+    let mut p = z.clone();
     for n_steps in 0..=stop.n_steps {
         if r_z <= bound {
             return Ok(Converged { x, n_steps });
@@ -62,12 +64,9 @@ pub(super) fn conjugate_gradients(
         if !alpha.is_finite() {
             break;
         }
-        let mut old_r_z = 0.0;
-        for i in 0..n {
-            x[i] += alpha * p[i];
-            r[i] -= alpha * q_p[i];
-            old_r_z += r[i] * z[i];
-        }
+        x.iter_mut().zip(&p).for_each(|(x, p)| *x += alpha * p);
+        r.iter_mut().zip(&q_p).for_each(|(r, q)| *r -= alpha * q);
+        let old_r_z = dot(&r, &z);
         precondition(&r, &mut z);
         let new_r_z = dot(&r, &z);
         let beta = (new_r_z - old_r_z) / r_z;

@@ -1,5 +1,7 @@
 //! The nodes of the field, and how a point on the ground is tied to them.
 
+use super::prepared_prior::PreparedPrior;
+use super::prior::Prior;
 use crate::mapping::sparse_cholesky::{Analysis, CholeskyError};
 use crate::messages::GridGeometry;
 use std::collections::BTreeMap;
@@ -38,6 +40,8 @@ pub struct Lattice {
     cut_squares: BTreeMap<usize, [u8; PARTS * PARTS]>,
     /// The factor's pattern, found at the first exact solve: it depends on the extent alone.
     analysis: OnceLock<Arc<Analysis>>,
+    /// The first prior that was solved for; a flight has one.
+    prepared: OnceLock<Arc<PreparedPrior>>,
 }
 
 impl PartialEq for Lattice {
@@ -111,6 +115,7 @@ impl Lattice {
             links: vec![0; n_cols * n_rows],
             cut_squares: BTreeMap::new(),
             analysis: OnceLock::new(),
+            prepared: OnceLock::new(),
         };
         for node in 0..lattice.n_nodes() {
             lattice.tie(node, &stand_in, &separates);
@@ -300,6 +305,16 @@ impl Lattice {
 
     pub(super) fn links(&self) -> &[u8] {
         &self.links
+    }
+
+    /// What follows from the prior, kept for the first one that is asked for.
+    pub(super) fn prepared(&self, prior: &Prior) -> Arc<PreparedPrior> {
+        let first = self.prepared.get_or_init(|| Arc::new(PreparedPrior::new(self, prior)));
+        if first.prior == *prior {
+            Arc::clone(first)
+        } else {
+            Arc::new(PreparedPrior::new(self, prior))
+        }
     }
 
     /// The factor's pattern, found once and kept.

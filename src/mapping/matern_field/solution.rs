@@ -4,6 +4,7 @@ use super::information::Information;
 use super::iterative::{Stop, conjugate_gradients, dot};
 use super::lattice::Lattice;
 use super::multigrid::Multigrid;
+use super::prepared_prior::PreparedPrior;
 use super::prior::{Operator, Prior};
 use super::stencil::Stencil;
 use super::{FieldError, Solver};
@@ -33,14 +34,15 @@ pub struct Adjoint {
     pub prior_var: f64,
     /// The whole variance wᵀ q, data taken as independent.
     pub var: f64,
+    /// Steps that its solve took; 1 for the direct solver.
+    pub n_steps: usize,
 }
 
 /// `Q_h h = b`, where `Q_h` is the precision of the whole height.
 #[derive(Debug)]
 struct System {
-    operator: Operator,
+    prior: Arc<PreparedPrior>,
     q: Stencil,
-    level: Option<Level>,
     method: Method,
 }
 
@@ -54,6 +56,10 @@ pub(super) struct Level {
     /// `1/σ_β²`, 1/m².
     prior_info: f64,
 }
+
+/// How much looser an adjoint may be solved than the heights: the variance of its volume is off by the
+/// square of what is left, and the volume by its product with the heights' own.
+const ADJOINT_LOOSER: f64 = 30.0;
 
 #[derive(Debug)]
 enum Method {
@@ -82,35 +88,40 @@ impl System {
         information: &Information,
         solver: Solver,
     ) -> Result<Self, FieldError> {
-        let operator = Operator::new(lattice, prior);
-        let mut q = operator.stencil(lattice);
+        let prior = lattice.prepared(prior);
+        let mut q = prior.q.clone();
         information.add_to(&mut q);
-        let level = (prior.mean_sigma_m > 0.0).then(|| Level::new(lattice, &operator, prior));
         let method = match solver.choose(lattice) {
             Solver::Iterative { residual_ratio } => Method::Iterative {
-                multigrid: Multigrid::new(lattice, &operator, information),
+                multigrid: Multigrid::new(prior.frames(lattice), information),
                 stop: Stop { residual_ratio, n_steps: 500 },
             },
             Solver::Direct | Solver::Automatic => {
                 let factor = lattice.analysis()?.factorize(&q.lower_values())?;
-                let level = level.as_ref().map(|level| level.response(&factor)).transpose()?;
+                let level = prior.level.as_ref();
+                let level = level.map(|level| level.response(&factor)).transpose()?;
                 Method::Direct { factor, level }
             }
         };
-        Ok(Self { operator, q, level, method })
+        Ok(Self { prior, q, method })
     }
 
     /// `y = Q_h x`.
     fn apply(&self, x: &[f64], y: &mut [f64]) {
         self.q.apply(x, y);
-        if let Some(Level { g, c, .. }) = &self.level {
+        if let Some(Level { g, c, .. }) = &self.prior.level {
             let amount = c * dot(g, x);
             y.iter_mut().zip(g).for_each(|(y, g)| *y -= amount * g);
         }
     }
 
-    /// `Q_h⁻¹ b`, and how many steps it took.
-    fn solve(&self, b: &[f64], start: Option<&[f64]>) -> Result<(Vec<f64>, usize), FieldError> {
+    /// `Q_h⁻¹ b`, and how many steps it took; an iterative solve may stop at `looser` times its residual.
+    fn solve(
+        &self,
+        b: &[f64],
+        start: Option<&[f64]>,
+        looser: f64,
+    ) -> Result<(Vec<f64>, usize), FieldError> {
         match &self.method {
             Method::Direct { factor, level } => {
                 let mut x = factor.solve(b);
@@ -125,7 +136,8 @@ impl System {
                 let mut work = multigrid.work();
                 let precondition = |r: &[f64], z: &mut [f64]| multigrid.apply(&mut work, r, z);
                 let apply = |x: &[f64], y: &mut [f64]| self.apply(x, y);
-                let done = conjugate_gradients(apply, precondition, b, start, *stop)?;
+                let stop = Stop { residual_ratio: looser * stop.residual_ratio, ..*stop };
+                let done = conjugate_gradients(apply, precondition, b, start, stop)?;
                 Ok((done.x, done.n_steps))
             }
         }
@@ -169,7 +181,7 @@ impl Solution {
         let b = information.innovations(prior.mean_m);
         let start = warm_start.map(|start| start.iter().map(|h| h - prior.mean_m).collect());
         let start: Option<Vec<f64>> = start;
-        let (x, n_steps) = system.solve(&b, start.as_deref())?;
+        let (x, n_steps) = system.solve(&b, start.as_deref(), 1.0)?;
         let mut residual = vec![0.0; expected];
         system.apply(&x, &mut residual);
         residual.iter_mut().zip(&b).for_each(|(r, b)| *r = b - *r);
@@ -219,17 +231,17 @@ impl Solution {
                 return Err(FieldError::Size { got, expected });
             }
         }
-        let (q, _) = self.system.solve(w, warm_start)?;
+        let (q, n_steps) = self.system.solve(w, warm_start, ADJOINT_LOOSER)?;
         let (q_field, of_level) = self.parts(&q);
-        let prior_var = self.system.operator.energy(&self.lattice, &q_field) + of_level;
-        Ok(Adjoint { prior_var, var: dot(w, &q), q })
+        let prior_var = self.system.prior.operator.energy(&self.lattice, &q_field) + of_level;
+        Ok(Adjoint { prior_var, var: dot(w, &q), q, n_steps })
     }
 
     /// The part of [`Adjoint::prior_var`] that the bends of the field at these nodes have.
     #[must_use]
     pub fn prior_var_at(&self, adjoint: &Adjoint, counts: &[bool]) -> f64 {
         let (q_field, _) = self.parts(&adjoint.q);
-        let operator = &self.system.operator;
+        let operator = &self.system.prior.operator;
         let bends = operator.half(&self.lattice, &q_field);
         let counted = std::iter::zip(bends, counts).filter(|(_, counts)| **counts);
         operator.scale * counted.map(|(bend, _)| bend * bend).sum::<f64>()
@@ -237,7 +249,7 @@ impl Solution {
 
     /// The field's part qₓ of an adjoint, and what its level adds to the prior's share.
     fn parts(&self, q: &[f64]) -> (Vec<f64>, f64) {
-        match &self.system.level {
+        match &self.system.prior.level {
             None => (q.to_vec(), 0.0),
             Some(Level { g, c, prior_info }) => {
                 let q_level = c * dot(g, q);
@@ -279,7 +291,7 @@ impl Solution {
         }
         let system = &self.system;
         let factor = self.lattice.analysis()?.factorize(&system.q.lower_values())?;
-        let level = system.level.as_ref().map(|level| level.response(&factor)).transpose()?;
+        let level = system.prior.level.as_ref().map(|level| level.response(&factor)).transpose()?;
         Ok(diagonal_of_inverse(&factor, level.as_ref()))
     }
 

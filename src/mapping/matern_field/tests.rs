@@ -297,6 +297,47 @@ fn multigrid_needs_no_more_steps_on_larger_maps() {
     }
 }
 
+/// Steps for heights and adjoint of a map that is seen up to `share` of its width, and its nodes.
+fn steps(n: usize, cell_m: f64, share: f64) -> (usize, usize) {
+    let prior = Prior { mean_sigma_m: 2.0, range_m: 4.0, ..PRIOR };
+    let grid = square_grid(n, cell_m);
+    let lattice = Arc::new(Lattice::covering(&grid, prior.padding_m(), open));
+    let mut information = Information::new(&lattice);
+    let x_seen_m = grid.x_min_m + share * (grid.max_corner_m().0 - grid.x_min_m);
+    for (place, z, var_m2) in hits(&grid, 3 * n * n, 21) {
+        if place.0 < x_seen_m {
+            let row = lattice.row_at(place.0, place.1).expect("on the lattice");
+            assert!(information.add(&row, z, 1.0 / var_m2));
+        }
+    }
+    let solver = Solver::Iterative { residual_ratio: 1e-6 };
+    let solution = solve(&lattice, &prior, &information, solver, None).expect("solved");
+    let w = lattice.from_cells(&vec![grid.cell_area_m2(); grid.n_cells()]);
+    let adjoint = solution.adjoint(&w, None).expect("solved");
+    (solution.n_steps() + adjoint.n_steps, lattice.n_nodes())
+}
+
+#[test]
+fn work_of_the_iterative_solve_grows_no_faster_than_n_log_n() {
+    // Larger maps of the same cells, and finer cells on the same map, which are harder; steps of Jacobi's
+    // preconditioner would grow with the range in cells, four times from first to last of the latter.
+    let larger = [(40, 0.25), (80, 0.25), (160, 0.25)];
+    let finer = [(40, 0.25), (80, 0.125), (160, 0.0625)];
+    for share in [1.0, 0.5] {
+        for sizes in [larger, finer] {
+            let [first, .., last] = sizes.map(|(n, cell_m)| {
+                let (n_steps, n_nodes) = steps(n, cell_m, share);
+                (n_steps * n_nodes, n_nodes)
+            });
+            let n_log_n = |n: usize| n as f64 * (n as f64).ln();
+            let growth = last.0 as f64 / first.0 as f64;
+            let bound = n_log_n(last.1) / n_log_n(first.1);
+            // Steps are whole numbers near 20: half of one is 2.5 %.
+            assert!(growth <= 1.03 * bound, "{growth} against {bound} at {share} of {sizes:?}");
+        }
+    }
+}
+
 #[test]
 fn hyper_parameters_of_drawn_fields_are_found() {
     let truth = Prior { range_m: 2.0, sigma_m: 0.7, mean_m: 1.0, mean_sigma_m: 1.0 };

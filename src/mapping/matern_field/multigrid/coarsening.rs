@@ -11,7 +11,8 @@
 //! with rows, whose T and U are matrices along x.
 
 use super::Ahead;
-use super::grid::Grid;
+use super::grid::{Frame, Grid};
+use std::sync::Arc;
 
 /// Entries by rows of equal length; what lies outside is zero.
 struct Entries {
@@ -19,42 +20,50 @@ struct Entries {
     values: Vec<Ahead>,
 }
 
-impl Grid {
-    /// The next grid: every second node, and one beyond the last where it is needed.
+impl Frame {
+    /// The frame of the next grid: every second node, and one beyond the last where it is needed.
     pub(super) fn coarsened(&self) -> Self {
         let mut coarse = Self::empty(self.n_cols / 2 + 1, self.n_rows / 2 + 1, false);
-        let inside = |values: &[Ahead]| {
-            let rows = (0..self.n_rows).flat_map(|row| {
-                let from = self.at(0, row);
-                values[from..from + self.n_cols].iter().copied()
-            });
-            Entries { n_cols: self.n_cols, values: rows.collect() }
-        };
+        coarse.k = Self::galerkin(&Entries::inside(self, &self.k), &coarse);
         let m = if self.m.is_empty() {
             let identity = vec![[1.0, 0.0, 0.0, 0.0, 0.0]; self.n_cols * self.n_rows];
             Entries { n_cols: self.n_cols, values: identity }
         } else {
-            inside(&self.m)
+            Entries::inside(self, &self.m)
         };
-        for (fine, is_what) in [(inside(&self.w), 0), (inside(&self.k), 1), (m, 2)] {
-            let next = fine.coarsened_along_x(coarse.n_cols);
-            let next = next.coarsened_along_y(coarse.n_rows);
-            for row in 0..coarse.n_rows {
-                let from = coarse.at(0, row);
-                let target = match is_what {
-                    0 => &mut coarse.w,
-                    1 => &mut coarse.k,
-                    _ => &mut coarse.m,
-                };
-                target[from..from + coarse.n_cols].copy_from_slice(next.row(row));
-            }
-        }
-        coarse.invert_diagonals();
+        coarse.m = Self::galerkin(&m, &coarse);
         coarse
+    }
+
+    /// A matrix of this grid on the next one, with its ring.
+    fn galerkin(fine: &Entries, coarse: &Self) -> Vec<Ahead> {
+        let next = fine.coarsened_along_x(coarse.n_cols).coarsened_along_y(coarse.n_rows);
+        let mut values = vec![[0.0; 5]; coarse.k.len()];
+        for row in 0..coarse.n_rows {
+            let from = coarse.at(0, row);
+            values[from..from + coarse.n_cols].copy_from_slice(next.row(row));
+        }
+        values
+    }
+}
+
+impl Grid {
+    /// The data on the next grid.
+    pub(super) fn coarsened(&self, coarse: &Arc<Frame>) -> Self {
+        Self::new(coarse, Frame::galerkin(&Entries::inside(&self.frame, &self.w), coarse))
     }
 }
 
 impl Entries {
+    /// Those of a grid's nodes, without the ring.
+    fn inside(frame: &Frame, values: &[Ahead]) -> Self {
+        let rows = (0..frame.n_rows).flat_map(|row| {
+            let from = frame.at(0, row);
+            values[from..from + frame.n_cols].iter().copied()
+        });
+        Self { n_cols: frame.n_cols, values: rows.collect() }
+    }
+
     fn row(&self, row: usize) -> &[Ahead] {
         self.values.get(row * self.n_cols..(row + 1) * self.n_cols).unwrap_or(&[])
     }
@@ -127,13 +136,13 @@ mod tests {
 
     /// The grid's W as a dense matrix.
     fn dense(grid: &Grid) -> DMatrix<f64> {
-        let n = grid.n_cols * grid.n_rows;
+        let n = grid.frame.n_cols * grid.frame.n_rows;
         let mut a = DMatrix::zeros(n, n);
-        for row in 0..grid.n_rows {
-            for col in 0..grid.n_cols {
-                let node = row * grid.n_cols + col;
-                let entries = grid.w[grid.at(col, row)];
-                let ahead = [0, 1, grid.n_cols - 1, grid.n_cols, grid.n_cols + 1];
+        for row in 0..grid.frame.n_rows {
+            for col in 0..grid.frame.n_cols {
+                let node = row * grid.frame.n_cols + col;
+                let entries = grid.w[grid.frame.at(col, row)];
+                let ahead = [0, 1, grid.frame.n_cols - 1, grid.frame.n_cols, grid.frame.n_cols + 1];
                 for (entry, offset) in entries.iter().zip(ahead) {
                     if node + offset < n && *entry != 0.0 {
                         a[(node, node + offset)] = *entry;
@@ -149,17 +158,20 @@ mod tests {
     fn coarse_matrix_is_galerkins() {
         let mut noise = SeedBook::new(3).stream("coarsening");
         for (n_cols, n_rows) in [(7, 6), (6, 5), (8, 9)] {
-            let mut fine = Grid::empty(n_cols, n_rows, false);
+            let frame = Arc::new(Frame::empty(n_cols, n_rows, false));
+            let mut w = vec![[0.0; 5]; frame.k.len()];
             for row in 0..n_rows {
                 for col in 0..n_cols {
                     let (e, n) = (col + 1 < n_cols, row + 1 < n_rows);
-                    let at = fine.at(col, row);
+                    let at = frame.at(col, row);
                     let is_there = [true, e, n && col > 0, n, n && e];
-                    fine.w[at] = is_there.map(|there| if there { noise.normal() } else { 0.0 });
+                    w[at] = is_there.map(|there| if there { noise.normal() } else { 0.0 });
                 }
             }
-            let coarse = fine.coarsened();
-            let mut p = DMatrix::<f64>::zeros(n_cols * n_rows, coarse.n_cols * coarse.n_rows);
+            let fine = Grid::new(&frame, w);
+            let coarse = fine.coarsened(&Arc::new(frame.coarsened()));
+            let (n_coarse_cols, n_coarse_rows) = (coarse.frame.n_cols, coarse.frame.n_rows);
+            let mut p = DMatrix::<f64>::zeros(n_cols * n_rows, n_coarse_cols * n_coarse_rows);
             // Bilinear interpolation by its definition: hats of half-width 2.
             #[expect(clippy::cast_precision_loss, reason = "a few nodes")]
             let hat = |fine: usize, coarse: usize| {
@@ -168,7 +180,7 @@ mod tests {
             for i in 0..p.nrows() {
                 for j in 0..p.ncols() {
                     p[(i, j)] =
-                        hat(i % n_cols, j % coarse.n_cols) * hat(i / n_cols, j / coarse.n_cols);
+                        hat(i % n_cols, j % n_coarse_cols) * hat(i / n_cols, j / n_coarse_cols);
                 }
             }
             let expected = p.transpose() * dense(&fine) * &p;
