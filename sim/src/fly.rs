@@ -95,8 +95,8 @@ pub fn run(scenario: &Scenario, options: &FlyOptions) -> anyhow::Result<RunRepor
     let onboard = runtime.block_on(Onboard::start(&config, around))?;
     if let Some(token) = token {
         announce_page(&onboard, &token)?;
-        runtime.spawn(end_by_signal(stop));
     }
+    runtime.spawn(end_by_signal(stop));
     if options.foxglove.is_some() {
         announce_foxglove(&onboard)?;
     }
