@@ -1,5 +1,5 @@
 # What CI runs, in its order; `.ci/run` does the same without `just`.
-default: fmt-check lint core test doc interop browser
+default: fmt-check lint core test doc interop browser package
 
 # The code is formatted.
 fmt-check:
@@ -28,6 +28,14 @@ interop:
 # The live page in Chromium during a flight; its screenshots are in target/browser-pictures.
 browser:
     bash tests/browser/run target/browser target/debug target/browser-pictures
+
+# The Debian package of the program that the tests have built; as root with CI=true also installed, upgraded and purged.
+package:
+    bash tests/package/run target/package target/debug/stockpilot target/debug/stockpilot-sim
+
+# The Debian packages for amd64 and arm64, into target/debian (what it needs: `deploy/package`).
+deb:
+    deploy/package
 
 # One simulated flight through the real service: `just fly --world piles --planner square-wave`.
 fly *ARGS:

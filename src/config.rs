@@ -23,6 +23,7 @@ mod obstacles;
 mod page;
 mod published;
 mod security;
+mod storage;
 
 pub use bays::{BaseSection, BaySection, ExclusionSection};
 pub use cameras::{CameraSection, LensName};

@@ -10,6 +10,8 @@ mod doctor;
 mod inventory;
 #[path = "main/lidar.rs"]
 mod lidar;
+#[path = "main/logs.rs"]
+mod logs;
 #[path = "main/markers.rs"]
 mod markers;
 #[path = "main/params.rs"]
@@ -20,8 +22,6 @@ mod prior;
 mod report;
 #[path = "main/survey.rs"]
 mod survey;
-#[path = "main/watchdog.rs"]
-mod watchdog;
 
 use anyhow::Context;
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -36,6 +36,7 @@ use stockpilot::record::replay::{ReplayReport, replay};
 use stockpilot::service::clock::Clock;
 use stockpilot::service::onboard::{Onboard, Surroundings};
 use stockpilot::service::plan::{Extent, Plan, Suggestions};
+use stockpilot::service::watchdog;
 use stockpilot::survey::{
     AccountLine, BayChange, ChangeReport, MergeOptions, MergedSurvey, Origin, Survey,
     accounts_table, compare, merge_logs,
@@ -74,6 +75,8 @@ enum Command {
     Audit(audit::AuditArgs),
     /// The books of halls: what was in each bay, survey by survey.
     Inventory(inventory::InventoryArgs),
+    /// The folder with the logs: what each holds, and what may go when the disk fills.
+    Logs(logs::LogsArgs),
     /// Where the vehicle may fly, and where one more marker would help most.
     Plan(PlanArgs),
     /// The autopilot's parameters beside a file's.
@@ -221,6 +224,7 @@ fn main() -> anyhow::Result<ExitCode> {
         Command::Report(args) => report::run(&args),
         Command::Audit(args) => audit::run(&args),
         Command::Inventory(args) => inventory::run(&args),
+        Command::Logs(args) => logs::run(&args),
         Command::Plan(args) => plan(&args),
         Command::Params(args) => params::run(&args),
         Command::Doctor(args) => doctor::run(&args),
@@ -316,7 +320,7 @@ async fn fly(config: &Config) -> anyhow::Result<ExitCode> {
             tracing::info!("ending: the autopilot takes over by its own failsafe");
         }
         () = onboard.ended() => tracing::error!("the brain has stopped by itself"),
-        () = watchdog::feed(&onboard) => {}
+        () = watchdog::feed(|| onboard.last_tick()) => {}
     }
     watchdog::stopping();
     onboard.stop();

@@ -8,6 +8,7 @@ mod nav;
 mod operator;
 mod scan;
 mod setpoint;
+mod storage;
 mod tag_pattern;
 mod vehicle;
 
@@ -26,6 +27,7 @@ pub use operator::{
 };
 pub use scan::{Beam, Scan, ScanCorrection};
 pub use setpoint::Setpoint;
+pub use storage::{Room, StorageState};
 pub use tag_pattern::TagPattern;
 pub use vehicle::{
     AutopilotPose, BatterySample, CommandOutcome, FlightMode, LandedState, TAKE_OFF_HEIGHT_M,

@@ -18,6 +18,7 @@ mod outlook;
 mod plan_news;
 mod route;
 mod sample_lag;
+mod storage_news;
 mod survey_plan;
 
 pub use event::{Action, Event, FlightSummary, JobId, PhaseChange, PlanChoice, VolumeReport};
@@ -29,7 +30,7 @@ use crate::localization::{self, Localizer};
 use crate::mapping::{self, Mapper, SolveError, SolvedSurface};
 use crate::messages::{
     AutopilotPose, BatterySample, DisturbedArea, NavEstimate, OperatorAnswer, OperatorCommand,
-    Scan, ScanCorrection, Severity, StatusText, VehicleState, VolumeAccount,
+    Scan, ScanCorrection, Severity, StatusText, StorageState, VehicleState, VolumeAccount,
 };
 use crate::mission::{self, Effect, EnergyGauge, Inputs, Mission, Phase};
 use crate::planning;
@@ -130,6 +131,8 @@ pub struct Pilot {
     /// The disturbed area that the people were told of last, m².
     told_disturbed_m2: f64,
     told_plan: PlanNews,
+    /// The last word on the disk.
+    storage: Option<StorageState>,
 }
 
 /// What a flight came to, before its last solve.
@@ -198,6 +201,7 @@ impl Pilot {
             ending: None,
             told_disturbed_m2: 0.0,
             told_plan: PlanNews::default(),
+            storage: None,
         }
     }
 
@@ -262,6 +266,10 @@ impl Pilot {
                 // Its map began anew with the next position that it takes from here.
                 say(actions, Severity::Critical, "the autopilot has restarted".to_owned());
                 self.run_mission(actions);
+            }
+            Event::StorageLooked(storage) => {
+                storage_news::tell(self.storage.as_ref(), &storage, actions);
+                self.storage = Some(storage);
             }
             Event::Finished { id, output, .. } => self.on_finished(id, *output, actions),
         }
@@ -415,6 +423,7 @@ impl Pilot {
                 .map(|(hall_from_body, home)| hall_from_body.origin.coords.z - home.coords.z),
             is_trajectory_over: self.route.path().reached_end(self.now).is_some(),
             is_at_target: self.is_at_target(),
+            storage: self.storage,
         }
     }
 

@@ -28,6 +28,7 @@ mod recorder;
 mod refly;
 pub mod replay;
 mod scans;
+mod shelf;
 mod topic;
 mod twin;
 mod view;
@@ -41,7 +42,10 @@ pub use build::build_identity;
 pub use entry::RecordedEvent;
 pub use flights::{LoggedFlights, read_flights};
 pub use reader::{LogItem, LogReader};
-pub use recorder::{RecordError, Recorder, RecorderStats};
+pub use recorder::{RecordError, Recorder, RecorderHealth, RecorderStats};
 pub use scans::read_scans;
+pub use shelf::{
+    Shelf, ShelfSettings, ShelvedLog, Standing, has_flown, mark_reported, shelved_logs,
+};
 pub use topic::Topic;
 pub use writer::LogHeader;

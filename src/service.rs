@@ -21,6 +21,8 @@ pub mod onboard;
 pub mod plan;
 mod recorder;
 mod status;
+mod storage;
+pub mod watchdog;
 
 pub use recorder::Recorder;
 pub use status::{ServiceStats, ServiceStatus};
@@ -55,6 +57,8 @@ pub struct ServiceSetup {
     pub scans: mpsc::Receiver<Event>,
     /// [`Event::TagsSeen`] from the cameras; the sender counts what does not fit.
     pub tags: mpsc::Receiver<Event>,
+    /// [`Event::StorageLooked`] from who looks after the disk.
+    pub storage: mpsc::Receiver<Event>,
     /// Where every event and action goes, if anywhere.
     pub recorder: Option<Box<dyn Recorder>>,
     /// Who shows the flight and passes on what people ask for there, if anybody.
@@ -92,7 +96,7 @@ impl Service {
     /// [`ServiceError::Link`] if the link's socket cannot be had, [`ServiceError::Signing`] if the
     /// link is to be signed and cannot.
     pub async fn start(setup: ServiceSetup) -> Result<RunningService, ServiceError> {
-        let ServiceSetup { pilot, link, clock, stop, scans, tags, recorder, page } = setup;
+        let ServiceSetup { pilot, link, clock, stop, scans, tags, storage, recorder, page } = setup;
         let wall = clock.clone();
         let guard = Guard::open(&link.security, WallClock::new(move || wall.since_1970()))?;
         let start =
@@ -107,7 +111,7 @@ impl Service {
         let witnesses = brain::Witnesses { recorder, status_tx, feed };
         let brain = Brain::new(pilot, session, clock, transport, witnesses);
         let last_tick = brain.last_tick();
-        let inputs = brain::Inputs { scans, tags, wishes };
+        let inputs = brain::Inputs { scans, tags, storage, wishes };
         let task = tokio::spawn(brain.run(inputs, stop.clone()));
         Ok(RunningService { status, last_tick, stop, link_addr, task })
     }

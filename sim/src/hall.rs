@@ -81,7 +81,7 @@ pub fn config(scenario: &Scenario, devices: Devices) -> Config {
             ..planning
         },
         mission: MissionSection::default(),
-        log: LogSection { directory: devices.log_directory },
+        log: LogSection { directory: devices.log_directory, ..LogSection::default() },
         page: PageSection { enabled: false, ..PageSection::default() },
         detections: devices.detections,
         detector: DetectorSection::default(),

@@ -26,6 +26,7 @@ pub mod lidar_command;
 pub mod load;
 pub mod machine;
 pub mod operator;
+pub mod outside;
 pub mod paper;
 pub mod parallel;
 mod picture_line;

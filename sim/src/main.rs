@@ -19,6 +19,7 @@ use stockpilot_sim::consistency::{self, ConsistencyArgs};
 use stockpilot_sim::faults::{self, FaultsArgs};
 use stockpilot_sim::fly::{self, FlyOptions, PageOptions};
 use stockpilot_sim::lidar_command::{self, LidarArgs};
+use stockpilot_sim::outside::{self, WorldArgs};
 use stockpilot_sim::paper::{self, PaperArgs};
 use stockpilot_sim::parallel::{n_cores, run_in_order};
 use stockpilot_sim::report::{CampaignReport, RunReport};
@@ -51,6 +52,8 @@ enum Command {
     Lidar(LidarArgs),
     /// The stub autopilot as a program of its own, for clients that others wrote.
     Autopilot(AutopilotArgs),
+    /// A hall with a vehicle for a service in another process, in real time.
+    World(WorldArgs),
 }
 
 #[derive(Debug, Args)]
@@ -165,6 +168,10 @@ fn main() -> anyhow::Result<ExitCode> {
         Some(Command::Carry(args)) => run_carry(&args).map(|()| ExitCode::SUCCESS),
         Some(Command::Lidar(args)) => lidar_command::run(&args).map(|()| ExitCode::SUCCESS),
         Some(Command::Autopilot(args)) => autopilot_command::run(&args).map(|()| ExitCode::SUCCESS),
+        Some(Command::World(args)) => {
+            let has_flown = outside::run(&args)?;
+            Ok(if has_flown { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+        }
         Some(Command::Fly(args)) => run_fly(&args),
         None => run_fly(&FlyArgs::parse_from(["fly"])),
     }

@@ -3,6 +3,7 @@
 use super::error::ConfigError;
 use super::file::Config;
 use crate::geometry::{Body, Lidar, Transform};
+use atomic_write_file::AtomicWriteFile;
 use std::fs;
 use std::io::{self, Write};
 use std::path::Path;
@@ -165,14 +166,11 @@ fn to_step(number: f64, step: f64) -> f64 {
     (number * per_unit).round() / per_unit
 }
 
+/// Mode and owner stay; a power cut leaves the old file or the new one.
 fn replace(path: &Path, text: &str) -> io::Result<()> {
-    let mut beside = path.as_os_str().to_owned();
-    beside.push(".new");
-    let mut file = fs::File::create(&beside)?;
+    let mut file = AtomicWriteFile::open(path)?;
     file.write_all(text.as_bytes())?;
-    file.set_permissions(fs::metadata(path)?.permissions())?;
-    file.sync_all()?;
-    fs::rename(&beside, path)
+    file.commit()
 }
 
 #[cfg(test)]

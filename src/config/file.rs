@@ -577,10 +577,14 @@ impl Default for MissionSection {
 pub struct LogSection {
     /// Where logs are written.
     pub directory: PathBuf,
+    /// What one survey may need, MB; with less free none is begun.
+    pub survey_mb: u64,
+    /// With less free the people are told, and logs that may go are deleted, MB.
+    pub low_mb: u64,
 }
 
 impl Default for LogSection {
     fn default() -> Self {
-        Self { directory: PathBuf::from("logs") }
+        Self { directory: PathBuf::from("logs"), survey_mb: 200, low_mb: 2_000 }
     }
 }

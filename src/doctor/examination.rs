@@ -132,6 +132,7 @@ impl Examination<'_> {
             stop: stop.clone(),
             scans,
             tags,
+            storage: mpsc::channel(1).1,
             recorder: None,
             page: None,
         };

@@ -1,5 +1,6 @@
 //! `stockpilot audit`: packs that others can compute again.
 
+use crate::logs;
 use crate::report::{SurveyArgs, facts_of};
 use clap::{Args, Subcommand};
 use std::path::PathBuf;
@@ -52,6 +53,7 @@ pub(crate) fn run(args: &AuditArgs) -> anyhow::Result<ExitCode> {
             let key = AuditKey::read(key)?;
             let (facts, _) = facts_of(survey)?;
             let packed = pack(&facts, &key, out)?;
+            logs::remember(&survey.log, "audit pack");
             println!("{}: {} files, log {}", out.display(), packed.n_files, packed.log_sha256);
         }
         AuditCommand::Verify { folder, public_key } => {

@@ -1,5 +1,6 @@
 //! `stockpilot report`.
 
+use crate::logs;
 use anyhow::Context;
 use clap::Args;
 use std::path::PathBuf;
@@ -13,7 +14,7 @@ use stockpilot::survey::{Flight, Survey};
 #[derive(Debug, Args)]
 pub(crate) struct SurveyArgs {
     /// The log, or what `merge` has written.
-    log: PathBuf,
+    pub(crate) log: PathBuf,
     /// Log of an earlier survey of the same bays: the report says what has changed.
     #[arg(long, value_name = "LOG")]
     against: Option<PathBuf>,
@@ -71,6 +72,7 @@ pub(crate) fn run(args: &ReportArgs) -> anyhow::Result<ExitCode> {
     std::fs::create_dir_all(&args.out)
         .with_context(|| format!("cannot make {}", args.out.display()))?;
     write_files(&files, &args.out)?;
+    logs::remember(&args.survey.log, "report");
     for bay in &facts.bays {
         println!("{}: {}, {}", bay.account.name, bay.volume()?, bay.verdict.name());
     }

@@ -1,7 +1,7 @@
 //! Limits of the mission and the list of what must hold before the motors turn.
 
 use super::machine::Inputs;
-use crate::messages::LandedState;
+use crate::messages::{LandedState, Room};
 use std::time::Duration;
 
 /// Times and levels at which the mission reacts.
@@ -122,6 +122,17 @@ pub enum PreflightFault {
         /// Heading against the survey's, deg.
         degrees: f64,
     },
+    /// The log of this flight would not fit.
+    #[error("{free_mb} MB free on the disk, a survey needs {needed_mb}")]
+    NoRoom {
+        /// Free, MB.
+        free_mb: u64,
+        /// Least, MB.
+        needed_mb: u64,
+    },
+    /// The flight could not be computed again.
+    #[error("the log has failed: mend the disk, then restart stockpilot")]
+    NoLog,
     /// No waypoints.
     #[error("no feasible waypoint: check marker map, region and quality threshold")]
     NoPlan,
@@ -175,7 +186,7 @@ pub(super) fn preflight_checks(inputs: &Inputs, settings: &Settings) -> Vec<Pref
     );
     let has_lidar = inputs.has_lidar;
     use PreflightFault as Fault;
-    vec![
+    let mut checks = vec![
         line("autopilot", is_lost, Fault::NoAutopilot, word(is_lost, "silent", "heard")),
         line(
             "its start",
@@ -218,7 +229,25 @@ pub(super) fn preflight_checks(inputs: &Inputs, settings: &Settings) -> Vec<Pref
         line("LiDAR", !has_lidar, Fault::NoLidar, word(!has_lidar, "silent", "measuring")),
         line("waypoints", !inputs.has_plan, Fault::NoPlan, word(!inputs.has_plan, "none", "found")),
         battery_check(inputs, settings),
-    ]
+    ];
+    checks.extend(storage_check(inputs));
+    checks
+}
+
+/// Whether the flight can be recorded; nothing where nobody looks at the disk.
+fn storage_check(inputs: &Inputs) -> Option<PreflightCheck> {
+    let storage = inputs.storage?;
+    let free_mb = storage.free_bytes.unwrap_or(0) / 1_000_000;
+    let needed_mb = storage.survey_bytes / 1_000_000;
+    let (found, fault) = if storage.has_log_failed {
+        let found = format!("{} entries lost", storage.records_lost);
+        (found, Some(PreflightFault::NoLog))
+    } else {
+        let is_full = storage.room == Room::TooLittle;
+        let fault = is_full.then_some(PreflightFault::NoRoom { free_mb, needed_mb });
+        (format!("{} free", storage.free_text()), fault)
+    };
+    Some(PreflightCheck { subject: "log", found, fault })
 }
 
 fn battery_check(inputs: &Inputs, settings: &Settings) -> PreflightCheck {

@@ -3,8 +3,8 @@
 use super::Phase;
 use super::guards::{PreflightCheck, Settings, preflight_checks, preflight_faults, preflight_line};
 use crate::messages::{
-    FlightMode, LandedState, OperatorVerb, Severity, TAKE_OFF_HEIGHT_M, TakeOff, VehicleCommand,
-    VehicleState,
+    FlightMode, LandedState, OperatorVerb, Severity, StorageState, TAKE_OFF_HEIGHT_M, TakeOff,
+    VehicleCommand, VehicleState,
 };
 use crate::time::{Mono, Stamp};
 
@@ -51,6 +51,8 @@ pub struct Inputs {
     pub is_trajectory_over: bool,
     /// The end of the present trajectory is reached.
     pub is_at_target: bool,
+    /// The disk with the log; `None` where nobody looks at it.
+    pub storage: Option<StorageState>,
 }
 
 /// What a decision leads to.

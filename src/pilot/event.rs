@@ -3,8 +3,8 @@
 use super::job::{Job, JobOutput};
 use crate::messages::{
     AutopilotPose, BatterySample, CommandOutcome, FixRecord, HeightMap, HitCounts, ImuSample,
-    NavEstimate, OperatorAnswer, OperatorCommand, Scan, Setpoint, StatusText, TagDetections,
-    VehicleCommand, VehicleState, VolumeAccount, VolumeEstimate,
+    NavEstimate, OperatorAnswer, OperatorCommand, Scan, Setpoint, StatusText, StorageState,
+    TagDetections, VehicleCommand, VehicleState, VolumeAccount, VolumeEstimate,
 };
 use crate::mission::Phase;
 use crate::planning::Waypoint;
@@ -36,6 +36,8 @@ pub enum Event {
     AutopilotLost(Stamp<Mono>),
     /// The autopilot has started anew: its clock fell back.
     AutopilotRebooted(Stamp<Mono>),
+    /// The disk with the log was looked at and is not as before.
+    StorageLooked(StorageState),
     /// A job that an earlier [`Action::Start`] began is done.
     Finished {
         /// When its result reached the brain.

@@ -1,7 +1,7 @@
 //! Where the flight stands and how far it still reaches, for displays.
 
 use super::Pilot;
-use crate::messages::{BatterySample, HitCounts, NavEstimate, VehicleState};
+use crate::messages::{BatterySample, HitCounts, NavEstimate, StorageState, VehicleState};
 use crate::mission::{Phase, PreflightCheck};
 use crate::planning::free_space::FreeSpace;
 use crate::time::{Mono, Stamp};
@@ -44,6 +44,8 @@ pub struct Outlook {
     pub flown_m: f64,
     /// Where the beams went so far.
     pub hits: HitCounts,
+    /// The last word on the disk with the log.
+    pub storage: Option<StorageState>,
 }
 
 impl Pilot {
@@ -71,6 +73,7 @@ impl Pilot {
             ahead_m: ahead.iter().map(|waypoint| waypoint.place.coords.into()).collect(),
             flown_m: self.flown.length_m,
             hits: self.mapper.counts(),
+            storage: self.storage,
         }
     }
 

@@ -3,7 +3,8 @@
 use super::topic::Topic;
 use super::twin;
 use crate::messages::{
-    AutopilotPose, BatterySample, CommandOutcome, ImuSample, OperatorCommand, VehicleState,
+    AutopilotPose, BatterySample, CommandOutcome, ImuSample, OperatorCommand, StorageState,
+    VehicleState,
 };
 use crate::pilot::{Action, Event, Job, JobId, JobOutput};
 use crate::planning::planner::Plan;
@@ -148,6 +149,9 @@ fn encode_event(event: &Event) -> serde_json::Result<Encoded> {
         Event::AutopilotRebooted(at) => {
             encode(Topic::AutopilotRebooted, &twin::InstantTwin { at: *at })
         }
+        Event::StorageLooked(it) => {
+            encode_by(Topic::Storage, |to| twin::StorageTwin::serialize(it, to))
+        }
         Event::Finished { at, id, output } => {
             encode(Topic::Finished, &twin::FinishedTwin::new(*at, *id, output.outside()))
         }
@@ -195,6 +199,10 @@ pub(super) fn decode_event(topic: Topic, json: &[u8]) -> Option<serde_json::Resu
                 twin::CommandOutcomeTwin::deserialize(from)
             })
             .map(Event::CommandAnswered),
+            Topic::Storage => {
+                decode_by::<StorageState>(json, |from| twin::StorageTwin::deserialize(from))
+                    .map(Event::StorageLooked)
+            }
             Topic::Operator => {
                 decode_by::<OperatorCommand>(json, |from| twin::OperatorTwin::deserialize(from))
                     .map(Event::Operator)

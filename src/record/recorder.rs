@@ -74,6 +74,29 @@ struct Counts {
     has_failed: AtomicBool,
 }
 
+impl Counts {
+    fn stats(&self) -> RecorderStats {
+        RecorderStats {
+            written: self.written.load(Ordering::Relaxed),
+            lost_in_queue: self.lost_in_queue.load(Ordering::Relaxed),
+            lost_on_disk: self.lost_on_disk.load(Ordering::Relaxed),
+            has_failed: self.has_failed.load(Ordering::Relaxed),
+        }
+    }
+}
+
+/// Looks at a recorder's counts from outside.
+#[derive(Debug, Clone)]
+pub struct RecorderHealth(Arc<Counts>);
+
+impl RecorderHealth {
+    /// Counts so far.
+    #[must_use]
+    pub fn stats(&self) -> RecorderStats {
+        self.0.stats()
+    }
+}
+
 #[derive(Debug)]
 enum Job {
     Write {
@@ -157,12 +180,13 @@ impl Recorder {
     /// Counts so far.
     #[must_use]
     pub fn stats(&self) -> RecorderStats {
-        RecorderStats {
-            written: self.counts.written.load(Ordering::Relaxed),
-            lost_in_queue: self.counts.lost_in_queue.load(Ordering::Relaxed),
-            lost_on_disk: self.counts.lost_on_disk.load(Ordering::Relaxed),
-            has_failed: self.counts.has_failed.load(Ordering::Relaxed),
-        }
+        self.counts.stats()
+    }
+
+    /// The counts for somebody else to look at, also after the end.
+    #[must_use]
+    pub fn health(&self) -> RecorderHealth {
+        RecorderHealth(Arc::clone(&self.counts))
     }
 
     /// Writes what waits, ends the file, and tells the final counts.

@@ -54,6 +54,8 @@ topics! {
     AutopilotLost = "/event/autopilot_lost", twin::InstantTwin;
     /// The autopilot has started anew.
     AutopilotRebooted = "/event/autopilot_rebooted", twin::InstantTwin;
+    /// The disk with the log.
+    Storage = "/event/storage", twin::StorageTwin;
     /// A job came back.
     Finished = "/event/finished", twin::FinishedTwin;
     /// Setpoint sent to the autopilot.

@@ -12,7 +12,7 @@ mod scalars;
 
 pub(super) use events::{
     AutopilotPoseTwin, BatteryTwin, CommandOutcomeTwin, ImuTwin, InstantTwin, OperatorTwin,
-    ScanTwin, TagsTwin, VehicleTwin,
+    ScanTwin, StorageTwin, TagsTwin, VehicleTwin,
 };
 pub(super) use jobs::{FinishedTwin, PlanTwin};
 pub(super) use results::{

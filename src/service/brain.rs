@@ -34,6 +34,7 @@ const WARN_OF_REFUSALS_EVERY: Duration = Duration::from_secs(10);
 pub(super) struct Inputs {
     pub(super) scans: mpsc::Receiver<Event>,
     pub(super) tags: mpsc::Receiver<Event>,
+    pub(super) storage: mpsc::Receiver<Event>,
     /// What people ask for on the own page.
     pub(super) wishes: mpsc::Receiver<Wish>,
 }
@@ -145,6 +146,7 @@ impl Brain {
             Some(received) = self.transport.received.recv() => Happening::Arrived(received),
             Some(event) = inputs.scans.recv() => Happening::Sensed(event),
             Some(event) = inputs.tags.recv() => Happening::Sensed(event),
+            Some(event) = inputs.storage.recv() => Happening::Sensed(event),
         }
     }
 

@@ -1,13 +1,15 @@
 //! The whole onboard program from a configuration: brain, drivers, log and service.
 
 use super::clock::Clock;
+use super::recorder::NoLog;
+use super::storage::StorageWatch;
 use super::{RunningService, Service, ServiceError, ServiceSetup, ServiceStats, ServiceStatus};
 use crate::camera::images::{self, ImageDriver, ImageStats, PictureError};
 use crate::camera::{CameraStats, Listener};
 use crate::config::{Config, ConfigError};
 use crate::lidar::{Driver, LidarStatus, OpenError};
 use crate::pilot::{Event, Pilot};
-use crate::record::{self, LogHeader, RecordError};
+use crate::record::{self, LogHeader};
 use crate::time::{Mono, Stamp};
 use crate::web::{self, BrainEnd, RunningPage, Scene, Sensors};
 use std::collections::BTreeMap;
@@ -21,6 +23,8 @@ use tokio_util::sync::CancellationToken;
 const SCANS_WAITING: usize = 32;
 /// Camera frames that may wait for the brain.
 const FRAMES_WAITING: usize = 64;
+/// Words on the disk that may wait for the brain; they are seldom.
+const STORAGE_WAITING: usize = 4;
 
 /// Why the program did not start.
 #[derive(Debug, thiserror::Error)]
@@ -47,17 +51,6 @@ pub enum OnboardError {
         /// Why.
         source: PictureError,
     },
-    /// The log's directory cannot be made.
-    #[error("cannot create the log directory {path}: {source}", path = path.display())]
-    LogDirectory {
-        /// Which.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
-    /// The log cannot be begun.
-    #[error(transparent)]
-    Log(#[from] RecordError),
     /// The link or the brain's task failed.
     #[error(transparent)]
     Service(#[from] ServiceError),
@@ -117,16 +110,24 @@ impl Onboard {
         let (scans_tx, scans) = mpsc::channel(SCANS_WAITING);
         let lidar_clock = clock.clone();
         let lidar = Driver::start(lidar, move || lidar_clock.now(), scans_tx, &stop)?;
-        let log = log_path(&config.log.directory)?;
-        let recorder = record::Recorder::create(&log, &header(config, clock.now())?)?;
-        let recorder = if waits_for_disk { recorder.waiting() } else { recorder };
+        let shelf = config.storage_settings()?;
+        let log = log_path(&shelf.folder);
+        let begun = begin_log(&log, &header(config, clock.now())?);
+        let health = begun.as_ref().map(record::Recorder::health);
+        let recorder: Box<dyn super::Recorder> = match begun {
+            Some(recorder) if waits_for_disk => Box::new(recorder.waiting()),
+            Some(recorder) => Box::new(recorder),
+            None => Box::new(NoLog::default()),
+        };
         let (frames_tx, tags) = mpsc::channel(FRAMES_WAITING);
         let images = start_cameras(config, &clock, &frames_tx, &stop)?;
         let (detections_addr, camera_stats) = (listener.local_addr(), listener.stats());
         let camera_clock = clock.clone();
         let detections =
             tokio::spawn(listener.run(move || camera_clock.now(), frames_tx, stop.child_token()));
-        let recorder = Some(Box::new(recorder) as Box<dyn super::Recorder>);
+        let (storage_tx, storage) = mpsc::channel(STORAGE_WAITING);
+        let watch_clock = clock.clone();
+        let watch_stop = stop.child_token();
         let sensors = Sensors { lidar: lidar.status(), camera: camera_stats.clone() };
         let around = web::Surroundings {
             scene,
@@ -136,8 +137,12 @@ impl Onboard {
             stop: stop.child_token(),
         };
         let (page, running) = page.and_then(|page| start_page(&page, around)).unzip();
-        let setup = ServiceSetup { pilot, link, clock, stop, scans, tags, recorder, page };
+        let recorder = Some(recorder);
+        let setup = ServiceSetup { pilot, link, clock, stop, scans, tags, storage, recorder, page };
         let service = Service::start(setup).await?;
+        let ends = (storage_tx, service.status());
+        let storage = StorageWatch::new(shelf, log.clone(), health, watch_clock, ends);
+        tokio::spawn(storage.run(watch_stop));
         Ok(Self {
             service,
             lidar,
@@ -283,14 +288,28 @@ fn start_page(
 }
 
 /// A name that sorts by time of start and is not taken: two starts in one second differ by a count.
-fn log_path(directory: &Path) -> Result<PathBuf, OnboardError> {
-    std::fs::create_dir_all(directory)
-        .map_err(|source| OnboardError::LogDirectory { path: directory.to_owned(), source })?;
+fn log_path(directory: &Path) -> PathBuf {
     let started = jiff::Timestamp::now().strftime("%Y%m%dT%H%M%SZ").to_string();
     let names = std::iter::once(format!("flight-{started}.mcap"))
         .chain((2_u32..).map(|n| format!("flight-{started}-{n}.mcap")));
     let mut free = names.map(|name| directory.join(name)).filter(|path| !path.exists());
-    Ok(free.next().unwrap_or_else(|| directory.join("flight.mcap")))
+    free.next().unwrap_or_else(|| directory.join("flight.mcap"))
+}
+
+/// Begins the log. Without one the program runs all the same: beside a vehicle that flies already people
+/// may need it, and on the ground the preflight list says what is wrong.
+fn begin_log(log: &Path, header: &LogHeader) -> Option<record::Recorder> {
+    let folder = log.parent().unwrap_or(Path::new("."));
+    if let Err(error) = std::fs::create_dir_all(folder) {
+        tracing::error!(%error, folder = %folder.display(), "the log's folder cannot be made");
+    }
+    match record::Recorder::create(log, header) {
+        Ok(recorder) => Some(recorder),
+        Err(error) => {
+            tracing::error!(%error, "nothing is recorded, and no survey is begun");
+            None
+        }
+    }
 }
 
 fn header(config: &Config, now: Stamp<Mono>) -> Result<LogHeader, ConfigError> {

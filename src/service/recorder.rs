@@ -19,6 +19,30 @@ pub trait Recorder: Send + 'static {
     fn close(self: Box<Self>) -> u64;
 }
 
+/// Keeps nothing, and counts it: there is no log.
+#[derive(Debug, Default)]
+pub(super) struct NoLog {
+    lost: u64,
+}
+
+impl Recorder for NoLog {
+    fn event(&mut self, _at: Stamp<Mono>, _event: &Event) {
+        self.lost += 1;
+    }
+
+    fn action(&mut self, _at: Stamp<Mono>, _action: &Action) {
+        self.lost += 1;
+    }
+
+    fn lost(&self) -> u64 {
+        self.lost
+    }
+
+    fn close(self: Box<Self>) -> u64 {
+        self.lost
+    }
+}
+
 impl Recorder for record::Recorder {
     fn event(&mut self, at: Stamp<Mono>, event: &Event) {
         Self::event(self, at, event);

@@ -5,8 +5,6 @@ use crate::mission::Phase;
 
 /// From this share of refused beams on there is dust in the air.
 pub(super) const DUSTY_RATIO: f64 = 0.05;
-/// Less free room than this is told: about ten flights.
-pub(super) const LEAST_FREE_BYTES: u64 = 2_000_000_000;
 /// Fewer returns than this and the material is too dark, too far or the window dirty.
 const FEW_RETURNS_RATIO: f64 = 0.5;
 /// A larger share of a volume that nobody saw is remarked.
@@ -143,11 +141,11 @@ fn of_computer(state: &State) -> Option<Warning> {
             "the flight goes on but cannot be re-computed: free the disk before the next one",
         ));
     }
-    if let Some(free) = computer.free_bytes.filter(|bytes| *bytes < LEAST_FREE_BYTES) {
+    if let Some(free) = computer.free_bytes.filter(|_| computer.is_disk_short) {
         return Some(warning(
             Level::Degraded,
             format!("{} MB left on the disk", free / 1_000_000),
-            "move old logs away",
+            "report surveys or take them away: reported ones are deleted for room",
         ));
     }
     (!computer.is_clock_known && state.link.level != Level::Unknown).then(|| {

@@ -1,6 +1,7 @@
 //! The decision on a flight, kept beside its log.
 
 use super::verdict::Verdict;
+use atomic_write_file::AtomicWriteFile;
 use serde::Serialize;
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
@@ -42,15 +43,11 @@ impl ReviewFile {
             Err(error) if error.kind() == io::ErrorKind::NotFound => Vec::new(),
             Err(error) => return Err(error),
         };
-        let part = self.path.with_extension("jsonl.part");
-        let mut file = std::fs::File::create(&part)?;
+        let mut file = AtomicWriteFile::open(&self.path)?;
         file.write_all(&earlier)?;
         serde_json::to_writer(&mut file, decision)?;
         file.write_all(b"\n")?;
-        file.sync_all()?;
-        std::fs::rename(&part, &self.path)?;
-        let folder = self.path.parent().filter(|folder| !folder.as_os_str().is_empty());
-        std::fs::File::open(folder.unwrap_or(Path::new(".")))?.sync_all()
+        file.commit()
     }
 }
 
@@ -78,10 +75,12 @@ mod tests {
             .map(|line| line["verdict"].as_str().unwrap().to_owned())
             .collect();
         assert_eq!(verdicts, ["rejected", "accepted"]);
-        // A folder stands where the part should be written, as if nothing could be written.
-        std::fs::create_dir(folder.path().join("flight-1.review.jsonl.part")).unwrap();
-        let before = read();
+        // With the longest name a file can have no other one fits beside it, so nothing can be written.
+        let long = folder.path().join(format!("{}.mcap", "f".repeat(255 - ".review.jsonl".len())));
+        let (file, kept) = (ReviewFile::beside(&long), long.with_extension("review.jsonl"));
+        std::fs::write(&kept, read()).unwrap();
         assert!(file.append(&decision(Verdict::Accepted)).is_err());
-        assert_eq!(read(), before);
+        assert_eq!(std::fs::read_to_string(&kept).unwrap(), read());
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2);
     }
 }

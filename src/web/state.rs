@@ -233,6 +233,8 @@ pub(super) struct Computer {
     pub(super) other_lost: u64,
     /// Free room where the log is written, bytes; left out if it cannot be told.
     pub(super) free_bytes: Option<u64>,
+    /// Room should be made there; what counts as short is in the configuration.
+    pub(super) is_disk_short: bool,
     /// Name of the log.
     pub(super) log: String,
 }

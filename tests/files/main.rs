@@ -3,8 +3,11 @@
 #![expect(clippy::unwrap_used, clippy::panic, reason = "a test may stop at the first surprise")]
 #![expect(clippy::print_stdout, reason = "a test says when a program is not on this machine")]
 
+mod container;
 mod example_config;
 mod ground_station;
+mod install_guide;
 mod printed_sheets;
 mod regions;
 mod safety_rules;
+mod sudden_end;

@@ -9,9 +9,9 @@ use stockpilot::messages::{
     AutopilotPose, BatterySample, Beam, BudgetRow, BudgetSource, CameraId, CommandOutcome,
     FixOutcome, FixRecord, FixSource, FlightMode, GridGeometry, HeightMap, HitCounts, LandedState,
     Mass, NavEstimate, OperatorAnswer, OperatorCommand, OperatorRequest, OperatorVerb,
-    PointDetection, Scan, Setpoint, Severity, SharedSensitivity, StatusText, TagDetection,
-    TagDetections, TagFamily, TakeOff, VehicleCommand, VehicleState, Verdict, VolumeAccount,
-    VolumeBudget, VolumeEstimate, VolumeShares,
+    PointDetection, Room, Scan, Setpoint, Severity, SharedSensitivity, StatusText, StorageState,
+    TagDetection, TagDetections, TagFamily, TakeOff, VehicleCommand, VehicleState, Verdict,
+    VolumeAccount, VolumeBudget, VolumeEstimate, VolumeShares,
 };
 use stockpilot::mission::Phase;
 use stockpilot::pilot::{Action, Event, FlightSummary, PhaseChange, PlanChoice, VolumeReport};
@@ -84,6 +84,14 @@ fn events() -> Vec<Event> {
         }),
         Event::Operator(OperatorCommand { at: AT, verb: OperatorVerb::Start, from: operator() }),
         Event::AutopilotLost(AT),
+        Event::StorageLooked(StorageState {
+            at: AT,
+            room: Room::Low,
+            free_bytes: Some(1_900_000_000),
+            survey_bytes: 200_000_000,
+            records_lost: 3,
+            has_log_failed: false,
+        }),
     ]
 }
 

@@ -7,8 +7,8 @@ use std::path::Path;
 use stockpilot::geometry::{Direction, Point, Rotation};
 use stockpilot::messages::{
     AutopilotPose, BatterySample, Beam, CameraId, CommandOutcome, FlightMode, ImuSample,
-    LandedState, OperatorCommand, OperatorRequest, OperatorVerb, PointDetection, Scan,
-    TagDetection, TagDetections, TagFamily, TakeOff, VehicleCommand, VehicleState,
+    LandedState, OperatorCommand, OperatorRequest, OperatorVerb, PointDetection, Room, Scan,
+    StorageState, TagDetection, TagDetections, TagFamily, TakeOff, VehicleCommand, VehicleState,
 };
 use stockpilot::pilot::{Action, Event};
 use stockpilot::record::{LogHeader, LogItem, LogReader, RecordedEvent, Recorder, RecorderStats};
@@ -166,6 +166,15 @@ fn operator() -> impl Strategy<Value = OperatorCommand> {
     })
 }
 
+fn storage() -> impl Strategy<Value = StorageState> {
+    let room = prop_oneof![Just(Room::Enough), Just(Room::Low), Just(Room::TooLittle)];
+    let bytes = (any::<Option<u64>>(), any::<u64>(), any::<u64>());
+    (stamp(), room, bytes, any::<bool>()).prop_map(|(at, room, bytes, has_log_failed)| {
+        let (free_bytes, survey_bytes, records_lost) = bytes;
+        StorageState { at, room, free_bytes, survey_bytes, records_lost, has_log_failed }
+    })
+}
+
 /// Any event but a finished job, with any finite numbers.
 pub(crate) fn event() -> impl Strategy<Value = Event> {
     prop_oneof![
@@ -179,6 +188,7 @@ pub(crate) fn event() -> impl Strategy<Value = Event> {
         outcome().prop_map(Event::CommandAnswered),
         operator().prop_map(Event::Operator),
         stamp().prop_map(Event::AutopilotLost),
+        storage().prop_map(Event::StorageLooked),
     ]
 }
 

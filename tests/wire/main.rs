@@ -13,3 +13,4 @@ mod service;
 mod streams;
 mod support;
 mod texts;
+mod watchdog;

@@ -63,7 +63,7 @@ impl Recorder for FailingRecorder {
 }
 
 /// A brain for the example's hall.
-fn pilot() -> Pilot {
+pub(crate) fn pilot() -> Pilot {
     let example = include_str!("../../deploy/config.example.toml");
     let config = Config::from_toml(example, "config.example.toml".as_ref()).unwrap();
     Pilot::new(config.pilot_settings().unwrap())
@@ -79,6 +79,7 @@ fn setup(clock: Clock, recorder: impl Recorder) -> (ServiceSetup, mpsc::Sender<E
         stop: CancellationToken::new(),
         scans: scans_rx,
         tags: tags_rx,
+        storage: mpsc::channel(1).1,
         recorder: Some(Box::new(recorder)),
         page: None,
     };

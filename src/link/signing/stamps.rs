@@ -5,8 +5,8 @@
 //! is behind it (a board without a battery wakes up in the past), and moves the file ahead of
 //! itself, in a thread of its own, so that no slow disk holds up the link.
 
+use atomic_write_file::AtomicWriteFile;
 use std::fmt;
-use std::fs::File;
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -136,13 +136,9 @@ fn read(path: &Path) -> Result<u64, LedgerError> {
 
 /// Replaces the file as a whole, so that a power cut leaves the old one or the new one.
 fn write(path: &Path, stamp: u64) -> io::Result<()> {
-    let new = path.with_extension("new");
-    let mut file = File::create(&new)?;
+    let mut file = AtomicWriteFile::open(path)?;
     writeln!(file, "{stamp}")?;
-    file.sync_all()?;
-    std::fs::rename(&new, path)?;
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
-    File::open(folder.unwrap_or(Path::new(".")))?.sync_all()
+    file.commit()
 }
 
 /// Ends when the other side of the channel is dropped.

@@ -1,7 +1,7 @@
 //! Walks through the machine, and every way out of it.
 
 use super::*;
-use crate::messages::{LandedState, TakeOff};
+use crate::messages::{LandedState, Room, TakeOff};
 use std::time::Duration;
 
 fn inputs(seconds: f64) -> Inputs {
@@ -24,6 +24,7 @@ fn inputs(seconds: f64) -> Inputs {
         height_over_home_m: Some(0.0),
         is_trajectory_over: false,
         is_at_target: false,
+        storage: None,
     }
 }
 
@@ -102,6 +103,39 @@ fn the_pilots_mode_switch_ends_control_in_one_step_and_for_good() {
         }
         assert!(effects.is_empty(), "{effects:?}");
         assert!(!mission.on_operator(OperatorVerb::Resume, &flying(41.0), &mut effects));
+    }
+}
+
+#[test]
+fn no_survey_begins_without_room_for_its_log_and_none_ends_for_it() {
+    let storage = StorageState {
+        at: Stamp::ZERO,
+        room: Room::TooLittle,
+        free_bytes: Some(80_000_000),
+        survey_bytes: 200_000_000,
+        records_lost: 0,
+        has_log_failed: false,
+    };
+    let failed = StorageState { room: Room::Enough, has_log_failed: true, ..storage };
+    for (storage, word) in [(storage, "80 MB free"), (failed, "the log has failed")] {
+        let mut mission = Mission::new(Settings::default());
+        let mut effects = Vec::new();
+        let full = |seconds| Inputs { storage: Some(storage), ..inputs(seconds) };
+        mission.on_operator(OperatorVerb::Start, &full(0.0), &mut effects);
+        (1..70).for_each(|second| mission.step(&full(f64::from(second)), &mut effects));
+        assert!(!effects.iter().any(|effect| matches!(effect, Effect::Command(_))), "{effects:?}");
+        let is_told =
+            |effect: &Effect| matches!(effect, Effect::Say(_, text) if text.contains(word));
+        assert!(effects.iter().any(is_told), "{effects:?}");
+        // In the air the same changes nothing.
+        let mut mission = surveying();
+        effects.clear();
+        for second in 11..40 {
+            let full = Inputs { storage: Some(storage), ..flying(f64::from(second)) };
+            mission.step(&full, &mut effects);
+        }
+        assert_eq!(mission.phase(), Phase::Survey);
+        assert!(effects.is_empty(), "{effects:?}");
     }
 }
 

@@ -8,8 +8,8 @@ use super::scalars::{Nanos, OptionalWxyz, Xyz};
 use crate::geometry::{Body, Direction, Hall, Point, Rotation};
 use crate::messages::{
     AutopilotPose, BatterySample, Beam, CameraId, CommandOutcome, FlightMode, ImuSample,
-    LandedState, OperatorCommand, OperatorRequest, OperatorVerb, PointDetection, Scan,
-    TagDetection, TagDetections, TagFamily, TakeOff, VehicleCommand, VehicleState,
+    LandedState, OperatorCommand, OperatorRequest, OperatorVerb, PointDetection, Room, Scan,
+    StorageState, TagDetection, TagDetections, TagFamily, TakeOff, VehicleCommand, VehicleState,
 };
 use crate::time::{Mono, Stamp};
 use nalgebra::Vector3;
@@ -172,6 +172,27 @@ pub(in crate::record) struct BatteryTwin {
     voltage_v: f64,
     current_a: f64,
     remaining_ratio: f64,
+}
+
+#[derive(Serialize, Deserialize, JsonSchema)]
+#[serde(remote = "Room", rename_all = "kebab-case")]
+enum RoomTwin {
+    Enough,
+    Low,
+    TooLittle,
+}
+
+#[derive(Serialize, Deserialize, JsonSchema)]
+#[serde(remote = "StorageState")]
+pub(in crate::record) struct StorageTwin {
+    #[serde(rename = "at_ns", with = "Nanos")]
+    at: Stamp<Mono>,
+    #[serde(with = "RoomTwin")]
+    room: Room,
+    free_bytes: Option<u64>,
+    survey_bytes: u64,
+    records_lost: u64,
+    has_log_failed: bool,
 }
 
 #[derive(Serialize, Deserialize, JsonSchema)]

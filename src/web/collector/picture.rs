@@ -4,7 +4,7 @@ use super::Collector;
 use crate::camera::CameraStats;
 use crate::lidar::{LidarHealth, LidarStatus};
 use crate::mapping::statement::{COVERAGE_FACTOR, Statement};
-use crate::messages::{FlightMode, VolumeAccount};
+use crate::messages::{FlightMode, Room, VolumeAccount};
 use crate::mission::Phase;
 use crate::pilot::Outlook;
 use crate::web::advice;
@@ -202,7 +202,8 @@ impl Collector {
         let pulse = &self.pulse;
         let other_lost =
             pulse.outgoing_lost + pulse.received_lost + pulse.jobs_failed + beside.news_lost;
-        let is_short = beside.free_bytes.is_some_and(|bytes| bytes < advice::LEAST_FREE_BYTES);
+        let storage = self.outlook.as_ref().and_then(|outlook| outlook.storage);
+        let is_short = storage.is_some_and(|storage| storage.room != Room::Enough);
         let level = if self.outlook.is_none() {
             Level::Unknown
         } else if pulse.records_lost > 0 || !pulse.is_clock_known {
@@ -219,6 +220,7 @@ impl Collector {
             records_lost: pulse.records_lost,
             other_lost,
             free_bytes: beside.free_bytes,
+            is_disk_short: is_short,
             log: self.log.clone(),
         }
     }

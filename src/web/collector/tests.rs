@@ -66,6 +66,7 @@ fn outlook(at_s: i64, phase: Phase) -> Outlook {
         ahead_m: Vec::new(),
         flown_m: 0.0,
         hits: crate::messages::HitCounts::default(),
+        storage: None,
     }
 }
 

@@ -3,9 +3,9 @@
 //! A brain that hangs while the program lives is what a watchdog is for: a task that only says "I am
 //! here" would hide it. Without systemd nothing is told.
 
+use crate::time::{Mono, Stamp};
 use sd_notify::NotifyState;
 use std::time::Duration;
-use stockpilot::service::onboard::Onboard;
 
 /// Without a limit of systemd's the ticks are looked at this often.
 const LOOK_EVERY: Duration = Duration::from_secs(1);
@@ -14,16 +14,17 @@ const LOOKS_PER_LIMIT: u32 = 4;
 /// No faster than this, whatever systemd allows.
 const FASTEST: Duration = Duration::from_millis(50);
 
-/// Says that the start is over, then feeds the watchdog while the brain ticks. Never returns.
-pub(crate) async fn feed(onboard: &Onboard) {
+/// Says that the start is over, then feeds the watchdog while `last_tick`, the brain's, goes on. Never
+/// returns.
+pub async fn feed(last_tick: impl Fn() -> Stamp<Mono>) {
     tell(NotifyState::Ready);
     let limit = sd_notify::watchdog_enabled();
     let every = limit.map_or(LOOK_EVERY, |limit| (limit / LOOKS_PER_LIMIT).max(FASTEST));
     let mut due = tokio::time::interval(every);
-    let mut seen = onboard.last_tick();
+    let mut seen = last_tick();
     loop {
         due.tick().await;
-        let now = onboard.last_tick();
+        let now = last_tick();
         if now != seen {
             tell(NotifyState::Watchdog);
         }
@@ -32,7 +33,7 @@ pub(crate) async fn feed(onboard: &Onboard) {
 }
 
 /// Says that the end has begun.
-pub(crate) fn stopping() {
+pub fn stopping() {
     tell(NotifyState::Stopping);
 }
 

@@ -1,0 +1,214 @@
+//! The folder with the logs: what each holds, what may go when the disk fills, and what never may.
+//!
+//! Names sort by the time of the start, so the first is the oldest. Beside `flight-T.mcap` there may be
+//! `flight-T.reported.json`, which says what was made of it, and `flight-T.empty`, which says that
+//! nobody took off while it was written. A log without either is a survey that nobody has reported,
+//! and stays.
+
+use super::reader::{LogItem, LogReader};
+use super::topic::Topic;
+use crate::messages::Room;
+use atomic_write_file::AtomicWriteFile;
+use serde::Serialize;
+use std::collections::BTreeSet;
+use std::io::{self, BufReader, Write as _};
+use std::path::{Path, PathBuf};
+
+const REPORTED: &str = "reported.json";
+const EMPTY: &str = "empty";
+/// The part of a recorded step of the mission that makes a log one of a flight.
+const TO_TAKE_OFF: &[u8] = br#""to":"take_off""#;
+
+/// What is known of a log.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Standing {
+    /// Nobody took off while it was written.
+    Empty,
+    /// A survey of which a report, an audit pack or an entry in the books was made.
+    Reported,
+    /// A survey that nobody has reported, or a log that was not looked at yet.
+    Kept,
+}
+
+/// A log in the folder.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct ShelvedLog {
+    /// The file.
+    pub path: PathBuf,
+    /// Its length, bytes.
+    pub bytes: u64,
+    /// What is known of it.
+    pub standing: Standing,
+}
+
+/// What a mark beside a log says.
+#[derive(Debug, Serialize)]
+struct Mark<'a> {
+    what: &'a str,
+    at_utc: String,
+}
+
+/// The logs in a folder, the oldest first.
+///
+/// # Errors
+/// What the system says of the folder.
+pub fn shelved_logs(folder: &Path) -> io::Result<Vec<ShelvedLog>> {
+    let mut logs = Vec::new();
+    for entry in std::fs::read_dir(folder)? {
+        let path = entry?.path();
+        let is_log = path.extension().is_some_and(|extension| extension == "mcap");
+        // A log that somebody takes away meanwhile is gone.
+        let Ok(about) = std::fs::metadata(&path) else { continue };
+        if is_log && about.is_file() {
+            let standing = standing_of(&path);
+            logs.push(ShelvedLog { path, bytes: about.len(), standing });
+        }
+    }
+    logs.sort_by(|a, b| a.path.cmp(&b.path));
+    Ok(logs)
+}
+
+fn standing_of(log: &Path) -> Standing {
+    if log.with_extension(REPORTED).exists() {
+        Standing::Reported
+    } else if log.with_extension(EMPTY).exists() {
+        Standing::Empty
+    } else {
+        Standing::Kept
+    }
+}
+
+/// Marks a survey as reported: from now on its log may be deleted when the disk fills.
+///
+/// # Errors
+/// What the disk says, above all that the log lies where nothing can be written.
+pub fn mark_reported(log: &Path, what: &str) -> io::Result<()> {
+    let mark = Mark { what, at_utc: jiff::Timestamp::now().to_string() };
+    let mut file = AtomicWriteFile::open(log.with_extension(REPORTED))?;
+    serde_json::to_writer(&mut file, &mark)?;
+    file.write_all(b"\n")?;
+    file.commit()
+}
+
+/// True if somebody took off while the log was written, or if that cannot be known: the log has gaps or
+/// no proper end. One that a power cut ended cannot be told from one whose damage hides a flight.
+///
+/// # Errors
+/// The log cannot be opened.
+pub fn has_flown(log: &Path) -> io::Result<bool> {
+    let mut reader = LogReader::<BufReader<std::fs::File>>::open(log)?;
+    for item in reader.by_ref() {
+        if let LogItem::Result { topic: Topic::Phase, json, .. } = item
+            && json.windows(TO_TAKE_OFF.len()).any(|part| part == TO_TAKE_OFF)
+        {
+            return Ok(true);
+        }
+    }
+    Ok(!reader.is_complete())
+}
+
+/// How the folder is looked after.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ShelfSettings {
+    /// Where the logs are.
+    pub folder: PathBuf,
+    /// What one survey may need, bytes.
+    pub survey_bytes: u64,
+    /// Below this room is made, bytes.
+    pub low_bytes: u64,
+}
+
+impl ShelfSettings {
+    /// What so much free space is worth; a disk that does not say is believed to have enough.
+    #[must_use]
+    pub fn room(&self, free_bytes: Option<u64>) -> Room {
+        match free_bytes {
+            Some(free) if free < self.survey_bytes => Room::TooLittle,
+            Some(free) if free < self.low_bytes => Room::Low,
+            _ => Room::Enough,
+        }
+    }
+
+    /// Bytes that this program may still write there; `None` if the disk does not say.
+    #[must_use]
+    pub fn free_bytes(&self) -> Option<u64> {
+        let stat = rustix::fs::statvfs(&self.folder).ok()?;
+        Some(stat.f_bavail.saturating_mul(stat.f_frsize))
+    }
+
+    /// So much is free once room has been made, bytes: a little more than where it is wanted.
+    #[must_use]
+    pub const fn enough_bytes(&self) -> u64 {
+        self.low_bytes.saturating_add(self.low_bytes / 10)
+    }
+}
+
+/// Makes room in a folder of logs.
+#[derive(Debug)]
+pub struct Shelf {
+    folder: PathBuf,
+    /// The log that is being written.
+    current: PathBuf,
+    /// Logs that were looked at and hold a flight.
+    flown: BTreeSet<PathBuf>,
+}
+
+impl Shelf {
+    /// The folder, with the log in it that is being written.
+    #[must_use]
+    pub const fn new(folder: PathBuf, current: PathBuf) -> Self {
+        Self { folder, current, flown: BTreeSet::new() }
+    }
+
+    /// Deletes logs until `is_enough`, empty ones first, then reported surveys, each the oldest first;
+    /// gives what was deleted. Neither the log that is being written nor a survey that nobody has
+    /// reported is touched.
+    ///
+    /// # Errors
+    /// What the system says of the folder, or of a file that cannot be read or deleted.
+    pub fn make_room(
+        &mut self,
+        mut is_enough: impl FnMut() -> bool,
+    ) -> io::Result<Vec<ShelvedLog>> {
+        let mut logs = shelved_logs(&self.folder)?;
+        logs.retain(|log| log.path != self.current);
+        self.look_into(&mut logs)?;
+        let mut deleted = Vec::new();
+        for standing in [Standing::Empty, Standing::Reported] {
+            for log in logs.iter().filter(|log| log.standing == standing) {
+                if is_enough() {
+                    return Ok(deleted);
+                }
+                std::fs::remove_file(&log.path)?;
+                if log.path.with_extension(EMPTY).exists() {
+                    std::fs::remove_file(log.path.with_extension(EMPTY))?;
+                }
+                deleted.push(log.clone());
+            }
+        }
+        Ok(deleted)
+    }
+
+    /// Finds the logs without a flight among those that nobody has looked into.
+    fn look_into(&mut self, logs: &mut [ShelvedLog]) -> io::Result<()> {
+        for log in logs.iter_mut().filter(|log| log.standing == Standing::Kept) {
+            if self.flown.contains(&log.path) {
+                continue;
+            }
+            if has_flown(&log.path)? {
+                self.flown.insert(log.path.clone());
+                continue;
+            }
+            log.standing = Standing::Empty;
+            // The mark spares the next start the reading; a full disk may have no room for it.
+            if let Err(error) = std::fs::write(log.path.with_extension(EMPTY), b"") {
+                tracing::debug!(%error, log = %log.path.display(), "not marked as empty");
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests;
