@@ -27,7 +27,7 @@ interop:
 
 # The live page in Chromium during a flight; its screenshots are in target/browser-pictures.
 browser:
-    bash tests/browser/run target/browser target/debug target/browser-pictures
+    bash tests/browser/run target/browser target/debug target/browser-pictures target/tmp
 
 # The Debian package of the program that the tests have built; as root with CI=true also installed, upgraded and purged.
 package:

@@ -15,6 +15,7 @@ mod edit;
 mod error;
 mod field_layout;
 mod file;
+mod foxglove;
 mod images;
 mod load;
 mod markers;
@@ -35,6 +36,7 @@ pub use file::{
     SurfaceName, SurfaceSection, UncertaintySection, UpdateName, VarianceUpdateName,
     VolumeVarianceName,
 };
+pub use foxglove::FoxgloveSection;
 pub use images::{DetectorSection, ImagesSection, SourceName};
 pub use load::load;
 pub use markers::{MarkersSection, PointSection, TagSection};

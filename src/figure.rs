@@ -20,6 +20,7 @@
 //!     },
 //!     quantity: "height (m)".to_owned(),
 //!     range: None,
+//!     is_signed: false,
 //!     overlays: vec![Overlay::new("flight", Shape::Path, Ink::Red, vec![[0.2, 0.1], [1.8, 1.5]])],
 //! };
 //! assert!(hills.svg()?.starts_with("<svg"));

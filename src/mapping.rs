@@ -23,6 +23,7 @@ pub mod density;
 pub mod disturbance;
 pub mod field_map;
 pub mod footprint;
+pub mod gaps;
 pub mod grid_map;
 pub mod hidden_ground;
 pub mod kalman_grid;

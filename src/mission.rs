@@ -1,7 +1,7 @@
 //! Phases of a flight and what leads from one to the next: a pure transition machine.
 //!
 //! ```text
-//!            start            armed          at height         plan done       over the pad
+//!        start, fly gaps      armed          at height         plan done       over the pad
 //!   Idle ──▶ Preflight ──▶ TakeOff ──▶ Survey ──────▶ Return ──────▶ Land ──▶ Idle
 //!                             │          ▲ │             │             ▲
 //!                             └─────▶ Hold ◀┴────────────┘  fix lost ──┘

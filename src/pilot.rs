@@ -12,6 +12,7 @@
 
 mod event;
 mod flight_path;
+mod gap_offer;
 mod intake;
 mod job;
 mod outlook;
@@ -22,6 +23,7 @@ mod storage_news;
 mod survey_plan;
 
 pub use event::{Action, Event, FlightSummary, JobId, PhaseChange, PlanChoice, VolumeReport};
+pub use gap_offer::OfferedGap;
 pub use job::{Job, JobOutput};
 pub use outlook::Outlook;
 
@@ -40,6 +42,7 @@ use crate::planning::planner::Plan;
 use crate::planning::trajectory::Knot;
 use crate::time::{Mono, Stamp};
 use crate::units::wrapped_rad;
+use gap_offer::GapOffer;
 use intake::FrameWatch;
 use nalgebra::Vector3;
 use plan_news::PlanNews;
@@ -133,6 +136,8 @@ pub struct Pilot {
     told_plan: PlanNews,
     /// The last word on the disk.
     storage: Option<StorageState>,
+    /// What the last flight has left out.
+    gaps: GapOffer,
 }
 
 /// What a flight came to, before its last solve.
@@ -202,6 +207,7 @@ impl Pilot {
             told_disturbed_m2: 0.0,
             told_plan: PlanNews::default(),
             storage: None,
+            gaps: GapOffer::default(),
         }
     }
 
@@ -408,6 +414,7 @@ impl Pilot {
             has_plan: self.route.plan.has_somewhere_to_go(),
             is_plan_done: self.route.plan.is_done(),
             is_plan_complete: self.route.plan.is_complete(),
+            has_gaps: self.ending.is_none() && !self.gaps.is_empty(),
             heading_error_rad: self.localizer.pose().map(|hall_from_body| {
                 let yaw_rad = hall_from_body.rotation.yaw_rad();
                 wrapped_rad(yaw_rad - self.route.settings().yaw_rad)
@@ -529,13 +536,18 @@ impl Pilot {
         let here = self.localizer.pose().map(|hall_from_body| hall_from_body.origin);
         match to {
             Phase::Preflight => {
-                // The next flight measures anew: the material may have moved.
-                self.mapper.restart();
-                self.accounts.clear();
-                self.told_disturbed_m2 = 0.0;
+                if self.mission.is_into_gaps() {
+                    self.route.restart(Some(self.gaps.passes()));
+                } else {
+                    // The next survey measures anew: the material may have moved.
+                    self.mapper.restart();
+                    self.accounts.clear();
+                    self.told_disturbed_m2 = 0.0;
+                    self.gaps = GapOffer::default();
+                    self.route.restart(None);
+                }
                 self.told_plan = PlanNews::default();
                 self.jobs.plan = None;
-                self.route.restart();
                 self.flown = FlownPath::default();
                 self.energy.restart();
                 self.home = here;
@@ -685,6 +697,10 @@ impl Pilot {
             _ => None,
         };
         let Some(from) = from else { return };
+        if let Some(plan) = self.route.plan.plan_into_gaps(&from) {
+            self.on_planned(&plan, actions);
+            return;
+        }
         let lidar = &self.settings.mapping.lidar;
         let whole = self.accounts.first();
         // The way home ends with what the mission would return on.
@@ -770,6 +786,7 @@ impl Pilot {
                 self.mapper.absorb(&solved);
                 self.tell_of_disturbed(&solved.disturbed, actions);
                 self.accounts.clone_from(&solved.accounts);
+                self.offer_gaps(&solved, actions);
                 self.stop_at_target(actions);
                 actions.push(Action::VolumesAccounted(solved.accounts));
                 actions.push(Action::SurfaceSolved(Box::new(solved.surface)));
@@ -777,6 +794,18 @@ impl Pilot {
             Err(error) => say(actions, Severity::Error, format!("no surface: {error}")),
         }
         self.end_if_final(actions);
+    }
+
+    /// After landing: which gaps another flight could close.
+    fn offer_gaps(&mut self, solved: &SolvedSurface, actions: &mut Vec<Action>) {
+        if !self.jobs.is_final_solve {
+            return;
+        }
+        let bay_at = |[x_m, y_m]: [f64; 2]| self.mapper.bay_at(x_m, y_m).map(str::to_owned);
+        self.gaps = GapOffer::new(solved, &self.route.plan, bay_at);
+        if let Some(text) = self.gaps.news() {
+            say(actions, Severity::Notice, text);
+        }
     }
 
     /// Tells the people that something moves in the hall: when it begins, each time it has doubled, and

@@ -3,11 +3,12 @@
 //! [`free_space`] says where the vehicle may be and still know where it is: [`clearance`] is its
 //! geometry, [`quality_grid`] its fixes. Planners ([`planner`]) choose waypoints there:
 //! [`square_wave`], the default, [`greedy`] and [`horizon`], or a program outside ([`external`]).
-//! [`trajectory`] joins them within the airframe's bounds.
+//! After a survey [`gap_way`] leads over what it left out. [`trajectory`] joins them within the airframe's bounds.
 
 pub mod clearance;
 pub mod external;
 pub mod free_space;
+pub mod gap_way;
 pub mod greedy;
 pub mod grid_axis;
 pub mod height_view;

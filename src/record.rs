@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! brain ─ event, result ─▶ Recorder ─ bounded channel ─▶ thread ─▶ file.mcap
+//!                              └─ the same bytes ─▶ LiveView ─▶ viewers
 //! file.mcap ─▶ LogReader ─ events, results ─▶ replay ─▶ ReplayReport
 //!                  └─ events ─▶ read_flights ─▶ turns;  results ─▶ read_accounts ─▶ volumes
 //!                  └─ both ─▶ fly_again ─▶ what a watcher sees, and whether it came out as recorded
@@ -23,6 +24,7 @@ mod again;
 mod build;
 mod entry;
 mod flights;
+mod live;
 mod reader;
 mod recorder;
 mod refly;
@@ -41,6 +43,7 @@ pub use again::{FlownAgain, LoggedVolumes, Watcher, fly_again};
 pub use build::build_identity;
 pub use entry::RecordedEvent;
 pub use flights::{LoggedFlights, read_flights};
+pub use live::{LiveView, RunningLive};
 pub use reader::{LogItem, LogReader};
 pub use recorder::{RecordError, Recorder, RecorderHealth, RecorderStats};
 pub use scans::read_scans;

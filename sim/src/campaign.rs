@@ -22,7 +22,9 @@ use stockpilot::config::{Config, ConfigError};
 use stockpilot::link::{Session, SessionOutput};
 use stockpilot::messages::{NavEstimate, TagDetections};
 use stockpilot::mission::Phase;
-use stockpilot::pilot::{Action, Event, FlightSummary, Job, JobId, JobOutput, Pilot, TICK_RATE_HZ};
+use stockpilot::pilot::{
+    Action, Event, FlightSummary, Job, JobId, JobOutput, Outlook, Pilot, TICK_RATE_HZ,
+};
 use stockpilot::service::external_planner;
 use stockpilot::time::{Mono, Stamp};
 
@@ -304,6 +306,12 @@ impl DirectFlight {
     #[must_use]
     pub fn estimate(&self) -> Option<NavEstimate> {
         self.pilot.estimate()
+    }
+
+    /// Where the brain believes the flight to stand.
+    #[must_use]
+    pub fn outlook(&self) -> Outlook {
+        self.pilot.outlook()
     }
 
     /// The marker that the camera's fault of the moment is about.

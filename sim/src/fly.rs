@@ -22,7 +22,7 @@ use std::os::unix::fs::OpenOptionsExt as _;
 use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
-use stockpilot::config::{Config, PageSection};
+use stockpilot::config::{Config, FoxgloveSection, PageSection};
 use stockpilot::pilot::FlightSummary;
 use stockpilot::service::clock::{Clock, ClockDriver};
 use stockpilot::service::onboard::{Onboard, Surroundings};
@@ -41,6 +41,8 @@ pub struct FlyOptions {
     pub shows_progress: bool,
     /// Where a ground station may speak to the autopilot, instead of the operator within.
     pub ground: Option<String>,
+    /// Serve the live log for Foxglove at this address.
+    pub foxglove: Option<String>,
     /// Serve the live page.
     pub page: Option<PageOptions>,
 }
@@ -50,6 +52,8 @@ pub struct FlyOptions {
 pub struct PageOptions {
     /// Address and port; port 0 for a free one.
     pub listen: String,
+    /// The log of an earlier survey: the page shows what has changed since.
+    pub last_survey: Option<PathBuf>,
     /// Nobody starts the flight but the page, and the page stays until the program is ended.
     pub waits: bool,
 }
@@ -83,12 +87,18 @@ pub fn run(scenario: &Scenario, options: &FlyOptions) -> anyhow::Result<RunRepor
     let mut config = config(scenario, devices.addresses(&options.directory)?);
     config.filter.capture_sigma_s = CLOCKS_SIGMA_S;
     let token = options.page.as_ref().map(|page| open_page(page, &mut config)).transpose()?;
+    if let Some(listen) = &options.foxglove {
+        config.foxglove = FoxgloveSection { enabled: true, listen: listen.clone() };
+    }
     let stop = CancellationToken::new();
     let around = Surroundings { clock, stop: stop.clone(), waits_for_disk: true };
     let onboard = runtime.block_on(Onboard::start(&config, around))?;
     if let Some(token) = token {
         announce_page(&onboard, &token)?;
-        runtime.spawn(end_by_signal(stop));
+    }
+    runtime.spawn(end_by_signal(stop));
+    if options.foxglove.is_some() {
+        announce_foxglove(&onboard)?;
     }
     write_config(&config, onboard.log())?;
     devices.connect(&onboard)?;
@@ -146,6 +156,7 @@ fn open_page(page: &PageOptions, config: &mut Config) -> anyhow::Result<String> 
         enabled: true,
         listen: page.listen.clone(),
         token_file: Some(path),
+        last_survey: page.last_survey.clone(),
         ..PageSection::default()
     };
     Ok(token)
@@ -156,6 +167,14 @@ fn open_page(page: &PageOptions, config: &mut Config) -> anyhow::Result<String> 
 fn announce_page(onboard: &Onboard, token: &str) -> anyhow::Result<()> {
     let address = onboard.page_addr().context("the live page could not be served")?;
     println!("{{\"page\":\"http://{address}/\",\"token\":\"{token}\"}}");
+    Ok(())
+}
+
+/// Tells where the live log is, as a line of JSON.
+#[expect(clippy::print_stdout, reason = "the program's output")]
+fn announce_foxglove(onboard: &Onboard) -> anyhow::Result<()> {
+    let address = onboard.foxglove_addr().context("the live log could not be served")?;
+    println!("{{\"foxglove\":\"ws://{address}\"}}");
     Ok(())
 }
 

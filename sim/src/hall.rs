@@ -10,9 +10,9 @@ use crate::world::{Bay, Cuboid, Region, World};
 use std::path::PathBuf;
 use stockpilot::config::{
     BaySection, CameraSection, Config, DetectorSection, ExternalSection, FilterSection,
-    HallSection, ImagesSection, LensName, LidarSection, LinkSection, LogSection, MarkersSection,
-    MissionSection, MountSection, ObstacleSection, PageSection, PlanningSection, RectSection,
-    SourceName, SurfaceSection, TagSection, UncertaintySection,
+    FoxgloveSection, HallSection, ImagesSection, LensName, LidarSection, LinkSection, LogSection,
+    MarkersSection, MissionSection, MountSection, ObstacleSection, PageSection, PlanningSection,
+    RectSection, SourceName, SurfaceSection, TagSection, UncertaintySection,
 };
 use stockpilot::geometry::{Body, Camera, Frame, Rotation, Transform};
 
@@ -56,6 +56,9 @@ pub fn config(scenario: &Scenario, devices: Devices) -> Config {
     let conditions = &scenario.conditions;
     let surface = SurfaceSection::default();
     let planning = PlanningSection::default();
+    let (variance_update, volume_variance) = scenario
+        .variance
+        .map_or((surface.variance_update, surface.volume_variance), Variance::config_names);
     Config {
         hall: hall(world),
         link: LinkSection { address: devices.link, ..LinkSection::default() },
@@ -64,9 +67,8 @@ pub fn config(scenario: &Scenario, devices: Devices) -> Config {
         surface: SurfaceSection {
             method: scenario.surface.config_name(),
             slope_sigma: surface.slope_sigma * conditions.steepness,
-            volume_variance: scenario
-                .variance
-                .map_or(surface.volume_variance, Variance::config_name),
+            variance_update,
+            volume_variance,
             uncertainty: uncertainty(&conditions.sigmas),
             ..surface
         },
@@ -83,6 +85,7 @@ pub fn config(scenario: &Scenario, devices: Devices) -> Config {
         mission: MissionSection::default(),
         log: LogSection { directory: devices.log_directory, ..LogSection::default() },
         page: PageSection { enabled: false, ..PageSection::default() },
+        foxglove: FoxgloveSection::default(),
         detections: devices.detections,
         detector: DetectorSection::default(),
         cameras: vec![camera(&scenario.camera, devices.pictures)],
@@ -208,8 +211,8 @@ fn lidar(name: &str, model: &LidarModel, port: String) -> LidarSection {
         port,
         baud: None,
         mount: mount(&model.body_from_lidar),
-        range_sigma_m: 0.012,
-        angle_sigma_deg: 0.1,
+        range_sigma_m: model.range_sigma_m,
+        angle_sigma_deg: model.angle_sigma_rad.to_degrees(),
         min_range_m: 0.15,
         max_range_m: model.range_max_m,
         range_bias_m: 0.0,
@@ -275,7 +278,7 @@ mod tests {
     use super::*;
     use crate::scenario::{Conditions, Lidar, Planner, Surface};
     use nalgebra::Vector3;
-    use stockpilot::config::VolumeVarianceName;
+    use stockpilot::config::{VarianceUpdateName, VolumeVarianceName};
     use stockpilot::planning::free_space::FreeSpace;
 
     #[test]
@@ -376,6 +379,7 @@ mod tests {
         assert!((true_ratio - 2.0).abs() < 1e-12);
         assert!((told.surface.slope_sigma / plain.surface.slope_sigma - 2.0).abs() < 1e-12);
         assert_eq!(told.surface.volume_variance, VolumeVarianceName::Printed);
+        assert_eq!(told.surface.variance_update, VarianceUpdateName::Printed);
         assert!((told.planning.max_speed_mps - 0.5).abs() < 1e-12);
         assert_eq!(told.planning.leg_spacing_m, Some(2.5));
         let offsets_m: Vec<f64> = std::iter::zip(&told.tags, &unusual.world.tags)

@@ -68,7 +68,7 @@ pub fn run(args: &LidarArgs) -> anyhow::Result<()> {
     let mut model = args.model.clone();
     model.baud = args.baud.unwrap_or(model.baud);
     if args.exact {
-        (model.range_sigma_m, model.dropout_ratio) = (0.0, 0.0);
+        (model.range_sigma_m, model.angle_sigma_rad, model.dropout_ratio) = (0.0, 0.0, 0.0);
     }
     let seeds = SeedBook::new(args.seed);
     let mut room = Room::new(Optics::new(model.clone(), seeds));

@@ -124,6 +124,13 @@ struct FlyArgs {
     /// the first line of the output.
     #[arg(long, value_name = "ADDRESS", conflicts_with = "autopilot_link")]
     page: Option<String>,
+    /// The log of an earlier survey of this hall: the page shows what has changed since.
+    #[arg(long, value_name = "LOG", requires = "page")]
+    last_survey: Option<PathBuf>,
+    /// Serve the channels of the log live, for Foxglove or Lichtblick, at this address (`HOST:PORT`, port 0 for
+    /// a free one); it is told on a line of the output.
+    #[arg(long, value_name = "ADDRESS", conflicts_with = "autopilot_link")]
+    foxglove: Option<String>,
     /// Nobody starts the flight but the page, which stays after the landing until Ctrl-C.
     #[arg(long, requires = "page")]
     wait: bool,
@@ -136,7 +143,12 @@ impl FlyArgs {
             directory: self.log.clone(),
             shows_progress: true,
             ground: self.ground.clone(),
-            page: self.page.clone().map(|listen| PageOptions { listen, waits: self.wait }),
+            foxglove: self.foxglove.clone(),
+            page: self.page.clone().map(|listen| PageOptions {
+                listen,
+                last_survey: self.last_survey.clone(),
+                waits: self.wait,
+            }),
         }
     }
 }

@@ -18,7 +18,7 @@ pub struct Operator {
     next_heartbeat: Stamp<Mono>,
     next_start: Stamp<Mono>,
     is_start_acknowledged: bool,
-    wishes: Vec<MavCmd>,
+    wishes: Vec<(MavCmd, f32)>,
     /// The ground station is switched off: it neither speaks nor hears.
     pub is_silent: bool,
     /// Lines of text, in the order they came; long ones joined from their pieces.
@@ -72,7 +72,12 @@ impl Operator {
 
     /// Sends one of the user commands with the next step; nobody looks after it.
     pub fn ask(&mut self, command: MavCmd) {
-        self.wishes.push(command);
+        self.wishes.push((command, 0.0));
+    }
+
+    /// Asks for another flight of the same survey, into its gaps.
+    pub fn ask_for_gaps(&mut self) {
+        self.wishes.push((MavCmd::MAV_CMD_USER_1, 1.0));
     }
 
     /// What a ground station says now, `now` after the flight began: its heartbeat, and what the
@@ -86,7 +91,7 @@ impl Operator {
         let is_due = now >= self.next_start.max(Stamp::ZERO.plus(START_AFTER));
         if is_due && !self.is_start_acknowledged {
             self.next_start = now.plus(START_RETRY);
-            said.push(user_command(MavCmd::MAV_CMD_USER_1));
+            said.push(user_command((MavCmd::MAV_CMD_USER_1, 0.0)));
         }
         said.extend(self.wishes.drain(..).map(user_command));
         said.into_iter().map(|message| (GROUND_STATION, message)).collect()
@@ -176,11 +181,12 @@ fn heartbeat() -> MavMessage {
     })
 }
 
-fn user_command(command: MavCmd) -> MavMessage {
+fn user_command((command, param1): (MavCmd, f32)) -> MavMessage {
     MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
         target_system: AUTOPILOT_SYSTEM,
         target_component: COMPANION_COMPONENT,
         command,
+        param1,
         ..COMMAND_LONG_DATA::DEFAULT
     })
 }

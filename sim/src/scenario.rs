@@ -12,7 +12,7 @@ use anyhow::{Context, ensure};
 use clap::{Args, ValueEnum};
 use std::ops::Range;
 use std::path::Path;
-use stockpilot::config::{PlannerName, SurfaceName, VolumeVarianceName};
+use stockpilot::config::{PlannerName, SurfaceName, VarianceUpdateName, VolumeVarianceName};
 use stockpilot::lidar;
 use stockpilot::stats::SeedBook;
 
@@ -40,7 +40,7 @@ pub struct ScenarioArgs {
     /// How the surface is kept.
     #[arg(long, value_enum, default_value_t = Surface::MaternField)]
     pub surface: Surface,
-    /// How the variances of the cells become the volume's; the service's own default if left out.
+    /// The paper's laws of variance as printed, or corrected; the service's own default if left out.
     #[arg(long, value_enum)]
     pub variance: Option<Variance>,
     /// The LiDAR: ld19, rplidar-a3, ydlidar-g4, hokuyo-utm30lx, or any other with a driver.
@@ -111,22 +111,22 @@ pub enum Surface {
     MaternField,
 }
 
-/// How the variances of the cells become the volume's.
+/// The paper's laws of variance, of a cell and of the volume.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Variance {
-    /// Added, as printed in the paper.
+    /// Both as printed: a hit shrinks a cell's σ like its variance, and the cells' variances are added.
     Printed,
-    /// The variance of the sum.
+    /// The Kalman filter's, and the variance of the sum.
     Full,
 }
 
 impl Variance {
-    /// Its name in the configuration.
+    /// Both laws' names in the configuration.
     #[must_use]
-    pub const fn config_name(self) -> VolumeVarianceName {
+    pub const fn config_names(self) -> (VarianceUpdateName, VolumeVarianceName) {
         match self {
-            Self::Printed => VolumeVarianceName::Printed,
-            Self::Full => VolumeVarianceName::Full,
+            Self::Printed => (VarianceUpdateName::Printed, VolumeVarianceName::Printed),
+            Self::Full => (VarianceUpdateName::Kalman, VolumeVarianceName::Full),
         }
     }
 
@@ -264,7 +264,7 @@ pub struct Scenario {
     pub planner: Planner,
     /// How the surface is kept.
     pub surface: Surface,
-    /// How the volume's variance is added up; the service's own default if `None`.
+    /// The laws of variance; the service's own default if `None`.
     pub variance: Option<Variance>,
     /// Which LiDAR.
     pub lidar: Lidar,

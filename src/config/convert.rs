@@ -140,6 +140,14 @@ impl Config {
         Ok(camera::Settings { address, image_sizes_px })
     }
 
+    /// Where the live log for Foxglove is served; `None` if it is not.
+    ///
+    /// # Errors
+    /// An address of another form.
+    pub fn foxglove_address(&self) -> Result<Option<std::net::SocketAddr>, ConfigError> {
+        self.foxglove.address()
+    }
+
     /// How the live page is served; `None` if it is not.
     ///
     /// # Errors

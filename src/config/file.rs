@@ -2,6 +2,7 @@
 
 use super::bays::{BaseSection, BaySection, ExclusionSection, default_base_sigma_m};
 use super::cameras::CameraSection;
+use super::foxglove::FoxgloveSection;
 use super::images::DetectorSection;
 use super::markers::{MarkersSection, PointSection, TagSection};
 use super::obstacles::{FenceSection, ObstacleSection, SpaceSection};
@@ -36,6 +37,9 @@ pub struct Config {
     /// The flight log.
     #[serde(default)]
     pub log: LogSection,
+    /// The live log for Foxglove.
+    #[serde(default)]
+    pub foxglove: FoxgloveSection,
     /// The live page.
     #[serde(default)]
     pub page: PageSection,

@@ -21,6 +21,9 @@ pub struct PageSection {
     /// Names by which browsers may call it, beside numeric addresses and `localhost`.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub host_names: Vec<String>,
+    /// The log of the last survey: the page shows what has changed since.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub last_survey: Option<PathBuf>,
     /// Wished-for U (k = 2) of each volume, % of it; where the survey has a target, that counts.
     pub target_u_percent: f64,
 }
@@ -32,6 +35,7 @@ impl Default for PageSection {
             listen: "127.0.0.1:8080".to_owned(),
             token_file: None,
             host_names: Vec::new(),
+            last_survey: None,
             target_u_percent: 2.0,
         }
     }
@@ -55,6 +59,7 @@ impl PageSection {
             listen,
             token_file: self.token_file.clone(),
             host_names: self.host_names.clone(),
+            last_survey: self.last_survey.clone(),
             target_percent: percent,
         }))
     }

@@ -31,6 +31,7 @@ impl ClassMap {
             grid: self.grid.clone(),
             quantity: "kind".to_owned(),
             range: None,
+            is_signed: false,
             overlays: self.overlays.clone(),
         }
     }

@@ -43,6 +43,8 @@ pub struct HeatMap {
     /// Values at the ends of the colour bar; those of the data if `None`. Values beyond take the
     /// colour of the end.
     pub range: Option<[f64; 2]>,
+    /// Values have a sign that matters: orange below 0, purple above, light at 0 in the middle of the bar.
+    pub is_signed: bool,
     /// What lies over the map, in the order of drawing.
     pub overlays: Vec<Overlay>,
 }
@@ -200,6 +202,8 @@ impl HeatMap {
         let [low, high] = self.range.unwrap_or_else(|| {
             [known().fold(f64::INFINITY, f64::min), known().fold(f64::NEG_INFINITY, f64::max)]
         });
+        let farthest = low.abs().max(high.abs());
+        let [low, high] = if self.is_signed { [-farthest, farthest] } else { [low, high] };
         match (low.is_finite() && high.is_finite(), high > low) {
             (true, true) => [low, high],
             (true, false) => [low - 0.5, low + 0.5],
@@ -218,13 +222,18 @@ impl HeatMap {
         entries
     }
 
+    /// The colour of a share of the bar from 0 to 1.
+    fn colour(&self, share: f64) -> RGBColor {
+        if self.is_signed { between(&PUOR, share) } else { between(&VIRIDIS, share) }
+    }
+
     fn draw_cells(&self, area: &Area<'_>, view: &View) -> Result<(), FigureError> {
         let [low, high] = self.shown_range();
         self.grid.for_each_run(
             |value| shade(value, low, high),
             |from_m, to_m, shade| {
                 let corners = [view.place(&from_m), view.place(&to_m)];
-                let colour = shade.map_or(UNKNOWN, colour);
+                let colour = shade.map_or(UNKNOWN, |share| self.colour(share));
                 drawn(area.draw(&Rectangle::new(corners, colour.filled())))
             },
         )
@@ -250,14 +259,34 @@ const VIRIDIS: [[f64; 3]; 8] = [
     [254.0, 232.0, 37.0],
 ];
 
-/// The colour of a share from 0 to 1.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "within a byte")]
-fn colour(share: f64) -> RGBColor {
-    let place = share.clamp(0.0, 1.0) * 7.0;
-    let below = (place as usize).min(6);
+/// Below and above a middle, told apart without seeing all colours: `ColorBrewer`'s `PuOr` in nine classes
+/// (Brewer and Harrower, Apache-2.0), from orange to purple.
+const PUOR: [[f64; 3]; 9] = [
+    [179.0, 88.0, 6.0],
+    [224.0, 130.0, 20.0],
+    [253.0, 184.0, 99.0],
+    [254.0, 224.0, 182.0],
+    [247.0, 247.0, 247.0],
+    [216.0, 218.0, 235.0],
+    [178.0, 171.0, 210.0],
+    [128.0, 115.0, 172.0],
+    [84.0, 39.0, 136.0],
+];
+
+/// The colour of a share from 0 to 1 between stops at equal distances.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::cast_precision_loss,
+    reason = "within a byte, among some stops"
+)]
+fn between(stops: &[[f64; 3]], share: f64) -> RGBColor {
+    let last = stops.len() - 2;
+    let place = share.clamp(0.0, 1.0) * (stops.len() - 1) as f64;
+    let below = (place as usize).min(last);
     let mix = |k: usize| {
-        let t = place - place.trunc().min(6.0);
-        ((1.0 - t) * VIRIDIS[below][k] + t * VIRIDIS[below + 1][k]).round() as u8
+        let t = place - below as f64;
+        ((1.0 - t) * stops[below][k] + t * stops[below + 1][k]).round() as u8
     };
     RGBColor(mix(0), mix(1), mix(2))
 }
@@ -297,13 +326,13 @@ fn draw_bar(
     at: (i32, i32),
     height: i32,
     [low, high]: [f64; 2],
-    quantity: &str,
+    map: &HeatMap,
 ) -> Result<(), FigureError> {
     let area = part(root, at, (BAR_WIDTH + BAR_LABELS, height));
     for y in 0..height {
         let share = 1.0 - f64::from(y) / f64::from(height);
         let row = [(0, y), (BAR_WIDTH, y + 1)];
-        let tone = shade(share, 0.0, 1.0).map_or(UNKNOWN, colour);
+        let tone = shade(share, 0.0, 1.0).map_or(UNKNOWN, |share| map.colour(share));
         drawn(area.draw(&Rectangle::new(row, tone.filled())))?;
     }
     let mut chart = drawn(
@@ -324,7 +353,7 @@ fn draw_bar(
             .draw(),
     )?;
     let beside = (at.0 + BAR_WIDTH + BAR_LABELS + BAR_TITLE / 2, at.1 + height / 2);
-    write(root, quantity, beside, TEXT, Hold::Upwards)
+    write(root, &map.quantity, beside, TEXT, Hold::Upwards)
 }
 
 impl Figure for HeatMap {
@@ -349,7 +378,7 @@ impl Figure for HeatMap {
             let frame = Rectangle::new([(0, 0), view.size], ShapeStyle::from(FRAME));
             drawn(map.draw(&frame))?;
             let at = (LEFT + width + BAR_GAP, TOP);
-            draw_bar(root, at, height, self.shown_range(), &self.quantity)?;
+            draw_bar(root, at, height, self.shown_range(), self)?;
             if legend_height > 0 {
                 let area = part(root, (LEFT, below_map), (total - LEFT, legend_height));
                 legend::draw(&area, &entries, total - LEFT)?;

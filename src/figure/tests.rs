@@ -14,6 +14,7 @@ fn hills() -> HeatMap {
         grid: Lattice { x_min_m: -2.0, y_min_m: 1.0, cell_m: 0.5, n_cols: n, values },
         quantity: "height over the floor (m)".to_owned(),
         range: None,
+        is_signed: false,
         overlays: vec![
             Overlay::new(
                 "flown path",
@@ -106,6 +107,7 @@ fn the_cells_on_the_picture_are_those_of_the_data() {
         },
         quantity: "n".to_owned(),
         range: None,
+        is_signed: false,
         overlays: Vec::new(),
     };
     let svg = map.svg().unwrap();
@@ -117,6 +119,32 @@ fn the_cells_on_the_picture_are_those_of_the_data() {
         );
         assert!(svg.contains(&cell), "{cell} is missing");
     }
+}
+
+#[test]
+fn a_map_with_signs_is_light_at_zero_and_even_to_both_sides() {
+    let map = HeatMap {
+        title: "change".to_owned(),
+        grid: Lattice {
+            x_min_m: 0.0,
+            y_min_m: 0.0,
+            cell_m: 1.0,
+            n_cols: 2,
+            values: vec![-4.0, 1.0, f64::NAN, -4.0],
+        },
+        quantity: "n".to_owned(),
+        range: None,
+        is_signed: true,
+        overlays: Vec::new(),
+    };
+    let svg = map.svg().unwrap();
+    // The bar reaches from -4 to 4: -4 is the darkest orange, +1 a quarter of the way to purple.
+    let cells = svg.lines().filter(|line| line.contains("width=\"230\""));
+    let fills: Vec<&str> = cells.filter_map(|line| line.split("fill=\"#").nth(1)).collect();
+    assert!(fills.iter().any(|fill| fill.starts_with("B35806")), "{fills:?}");
+    // Between F7F7F7 and D8DAEB, the first stop above the middle.
+    let above = fills.iter().find(|fill| fill[..2] > *"D8" && fill[4..6] > *"EA").unwrap();
+    assert!(fills.len() >= 3 && above[..2] < *"F8", "{fills:?}");
 }
 
 #[test]

@@ -114,7 +114,8 @@ pub(crate) const fn landed_state(state: MavLandedState) -> LandedState {
     }
 }
 
-/// What a person asks for, in the order of `MAV_CMD_USER_1` to `5`.
+/// What a person asks for, in the order of `MAV_CMD_USER_1` to `5`; a start with a 1 as its first
+/// parameter flies into the gaps.
 const VERBS: [(MavCmd, OperatorVerb); 5] = [
     (MavCmd::MAV_CMD_USER_1, OperatorVerb::Start),
     (MavCmd::MAV_CMD_USER_2, OperatorVerb::Hold),
@@ -123,13 +124,26 @@ const VERBS: [(MavCmd, OperatorVerb); 5] = [
     (MavCmd::MAV_CMD_USER_5, OperatorVerb::Land),
 ];
 
-/// The verb of a command; `None` if it is none of an operator's.
-pub(crate) fn operator_verb(command: MavCmd) -> Option<OperatorVerb> {
-    VERBS.iter().find(|(known, _)| *known == command).map(|(_, verb)| *verb)
+/// A start with this as its first parameter flies into the gaps of the last survey.
+const INTO_GAPS: f32 = 1.0;
+
+/// The verb of a command with its first parameter; `None` if it is none of an operator's, or a start of
+/// no known kind.
+pub(crate) fn operator_verb(command: MavCmd, param1: f32) -> Option<OperatorVerb> {
+    let verb = VERBS.iter().find(|(known, _)| *known == command).map(|(_, verb)| *verb)?;
+    match verb {
+        OperatorVerb::Start if (param1 - INTO_GAPS).abs() < f32::EPSILON => {
+            Some(OperatorVerb::FlyGaps)
+        }
+        // Stations fill what is not used with zeros or NaN.
+        OperatorVerb::Start if param1 != 0.0 && !param1.is_nan() => None,
+        verb => Some(verb),
+    }
 }
 
 /// The command of a verb.
 pub(crate) fn operator_command(verb: OperatorVerb) -> MavCmd {
+    let verb = if verb.is_start() { OperatorVerb::Start } else { verb };
     VERBS
         .iter()
         .find(|(_, known)| *known == verb)

@@ -56,12 +56,12 @@ impl OperatorDesk {
             return self.accepted.is_some_and(|last| last.is_repeated_by(verb, to, now));
         }
         if let Some(last) = self.accepted
-            && last.verb == OperatorVerb::Start
-            && verb != OperatorVerb::Start
+            && last.verb.is_start()
+            && verb != last.verb
         {
             self.called_off = Some(last);
         }
-        if verb == OperatorVerb::Start {
+        if verb.is_start() {
             self.called_off = None;
         }
         self.accepted = Some(Accepted { verb, from: to, at: now });
@@ -113,6 +113,16 @@ mod tests {
         assert!(desk.passes(OperatorVerb::Start, PERSON, at_s(11)));
         desk.answer(&answer(OperatorVerb::Start, true), at_s(11));
         assert!(desk.passes(OperatorVerb::Start, PERSON, at_s(12)));
+    }
+
+    #[test]
+    fn a_flight_into_the_gaps_that_was_called_off_does_not_come_back_either() {
+        let mut desk = OperatorDesk::default();
+        desk.answer(&answer(OperatorVerb::FlyGaps, true), at_s(0));
+        assert!(desk.passes(OperatorVerb::FlyGaps, PERSON, at_s(1)), "a repetition under way");
+        desk.answer(&answer(OperatorVerb::Land, true), at_s(2));
+        assert!(!desk.passes(OperatorVerb::FlyGaps, PERSON, at_s(4)));
+        assert!(desk.passes(OperatorVerb::Start, PERSON, at_s(4)), "another wish");
     }
 
     #[test]

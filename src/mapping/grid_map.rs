@@ -2,6 +2,7 @@
 
 use super::bay::BayOnGrid;
 use super::disturbance::Flagged;
+use super::gaps::gaps;
 use super::kalman_grid::{self, KalmanGrid};
 use super::mapper::SolvedSurface;
 use super::projection::Hit;
@@ -227,6 +228,11 @@ impl SolveGrid {
             let mean_m = posterior.mean_m();
             account(self.at, bay, mean_m, var_m6, &self.seen, self.gp.length_scale_m)
         };
+        let coverage = self.seen.coverage(self.gp.length_scale_m);
+        let areas_m2 = self.bays.first().map_or(&[][..], |whole| &whole.base.cell_areas_m2);
+        let own_m6: Vec<f64> =
+            std::iter::zip(areas_m2, &var_m2).map(|(area, var)| area * area * var).collect();
+        let gaps = gaps(&self.geometry, areas_m2, &coverage, &own_m6);
         let surface = HeightMap {
             at: self.at,
             grid: self.geometry,
@@ -238,9 +244,10 @@ impl SolveGrid {
         Ok(SolvedSurface {
             accounts,
             surface,
-            coverage: self.seen.coverage(self.gp.length_scale_m),
+            coverage,
             n_beams_refused: 0,
             disturbed: Vec::new(),
+            gaps,
             newest: None,
         })
     }

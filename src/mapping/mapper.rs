@@ -5,6 +5,7 @@ use super::bay::WHOLE_REGION;
 use super::belief::CoarseField;
 use super::field_map::{self, FieldMap, NewestField, Setup, SolveField};
 use super::footprint::{Footprint, LineHit, gather, passing};
+use super::gaps::Gap;
 use super::grid_map::{self, Bays, GridMap, SolveGrid};
 use super::kalman_grid::KalmanGrid;
 use super::matern_field::{FieldError, Lattice};
@@ -466,6 +467,8 @@ pub struct SolvedSurface {
     pub n_beams_refused: u64,
     /// Ground that something has covered or changed since it was last seen, the largest area first.
     pub disturbed: Vec<DisturbedArea>,
+    /// Ground that was left out, the gap with the largest share of the variance first.
+    pub gaps: Vec<Gap>,
     /// Where the next solve of a field starts.
     pub newest: Option<Arc<NewestField>>,
 }

@@ -207,5 +207,6 @@ impl std::ops::AddAssign for HitCounts {
         self.poor_pose += other.poor_pose;
         self.on_ground += other.on_ground;
         self.refused += other.refused;
+        self.forgotten += other.forgotten;
     }
 }

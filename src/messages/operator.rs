@@ -7,6 +7,8 @@ use crate::time::{Mono, Stamp};
 pub enum OperatorVerb {
     /// Begin a survey from the ground.
     Start,
+    /// Begin another flight of the same survey from the ground, into its gaps: the map is kept.
+    FlyGaps,
     /// Stop and keep the place.
     Hold,
     /// Go on after a hold.
@@ -15,6 +17,14 @@ pub enum OperatorVerb {
     Return,
     /// Land here.
     Land,
+}
+
+impl OperatorVerb {
+    /// Motors begin to turn.
+    #[must_use]
+    pub const fn is_start(self) -> bool {
+        matches!(self, Self::Start | Self::FlyGaps)
+    }
 }
 
 /// Who asked, so that the answer finds its way back. MAVLink system and component id.

@@ -33,6 +33,8 @@ pub struct Inputs {
     pub is_plan_done: bool,
     /// Every waypoint that was wished for is flown.
     pub is_plan_complete: bool,
+    /// The last flight has left gaps in its map that can be flown to.
+    pub has_gaps: bool,
     /// Heading of the body against that of the survey, rad; `None` without a pose.
     pub heading_error_rad: Option<f64>,
     /// Largest 1-σ of the own position, m.
@@ -112,6 +114,8 @@ pub struct Mission {
     /// In this preflight the companion has asked to arm.
     has_asked_to_arm: bool,
     is_complete: bool,
+    /// This flight goes on with the survey of the last one, into its gaps.
+    is_into_gaps: bool,
     /// How this vehicle comes off the ground.
     takes_off: TakeOff,
     /// Setpoints may be sent: from the first on, or once a command has lifted the vehicle.
@@ -139,6 +143,7 @@ impl Mission {
             was_companion: false,
             has_asked_to_arm: false,
             is_complete: false,
+            is_into_gaps: false,
             takes_off: TakeOff::BySetpoints,
             is_lifted: false,
         }
@@ -148,6 +153,12 @@ impl Mission {
     #[must_use]
     pub const fn phase(&self) -> Phase {
         self.phase
+    }
+
+    /// True if the present flight, or the last one, goes on with the survey before it.
+    #[must_use]
+    pub const fn is_into_gaps(&self) -> bool {
+        self.is_into_gaps
     }
 
     /// True while setpoints are to be sent.
@@ -174,9 +185,10 @@ impl Mission {
         use Phase::{Abort, Hold, Idle, Land, Preflight, Return, Survey};
         let wanted = match (verb, self.phase) {
             (OperatorVerb::Start, Idle) => Preflight,
-            (OperatorVerb::Start, Preflight | Phase::TakeOff | Survey)
-            | (OperatorVerb::Resume, Survey) => {
-                return true;
+            (OperatorVerb::FlyGaps, Idle) if inputs.has_gaps => Preflight,
+            (OperatorVerb::Start | OperatorVerb::FlyGaps, Preflight | Phase::TakeOff | Survey) => {
+                // The other kind of flight is under way: that is not what was asked for.
+                return self.is_into_gaps == (verb == OperatorVerb::FlyGaps);
             }
             // There is nothing to hold yet where a command lifts the vehicle.
             (OperatorVerb::Hold | OperatorVerb::Return, Phase::TakeOff) if !self.is_steering() => {
@@ -194,7 +206,9 @@ impl Mission {
             (OperatorVerb::Resume, Hold) if inputs.has_position => self.resume_to,
             (OperatorVerb::Hold | OperatorVerb::Return | OperatorVerb::Land, Preflight) => Idle,
             (OperatorVerb::Return, Phase::TakeOff | Survey | Hold) if inputs.has_position => Return,
-            (OperatorVerb::Return, Return | Land) | (OperatorVerb::Land, Land) => return true,
+            (OperatorVerb::Resume, Survey)
+            | (OperatorVerb::Return, Return | Land)
+            | (OperatorVerb::Land, Land) => return true,
             (OperatorVerb::Land, Phase::TakeOff | Survey | Return | Hold) => Land,
             // The companion came back to a vehicle that still waits for it in the air.
             (OperatorVerb::Land, Idle) if is_left_flying(inputs) => Land,
@@ -204,6 +218,9 @@ impl Mission {
         };
         if wanted == Hold {
             self.hold_cause = HoldCause::Operator;
+        }
+        if wanted == Preflight {
+            self.is_into_gaps = verb == OperatorVerb::FlyGaps;
         }
         self.enter(wanted, "operator", inputs.now, effects);
         true

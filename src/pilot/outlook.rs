@@ -1,6 +1,6 @@
 //! Where the flight stands and how far it still reaches, for displays.
 
-use super::Pilot;
+use super::{OfferedGap, Pilot};
 use crate::messages::{BatterySample, HitCounts, NavEstimate, StorageState, VehicleState};
 use crate::mission::{Phase, PreflightCheck};
 use crate::planning::free_space::FreeSpace;
@@ -9,6 +9,7 @@ use std::sync::Arc;
 
 /// What the brain knows of the flight beside its maps; nothing rests on it.
 #[derive(Debug, Clone, PartialEq)]
+#[expect(clippy::struct_excessive_bools, reason = "independent facts of one instant")]
 pub struct Outlook {
     /// When it was looked at.
     pub at: Stamp<Mono>,
@@ -46,6 +47,10 @@ pub struct Outlook {
     pub hits: HitCounts,
     /// The last word on the disk with the log.
     pub storage: Option<StorageState>,
+    /// What the last flight has left out, the largest share of the variance first; empty before its end.
+    pub gaps: Arc<[OfferedGap]>,
+    /// The present flight, or the last one, goes on with the survey before it.
+    pub is_into_gaps: bool,
 }
 
 impl Pilot {
@@ -74,6 +79,8 @@ impl Pilot {
             flown_m: self.flown.length_m,
             hits: self.mapper.counts(),
             storage: self.storage,
+            gaps: self.gaps.gaps(),
+            is_into_gaps: self.mission.is_into_gaps(),
         }
     }
 

@@ -21,9 +21,9 @@ impl Route {
         Self { plan, path }
     }
 
-    /// Forgets the last flight.
-    pub(super) fn restart(&mut self) {
-        self.plan.restart();
+    /// Forgets the last flight; the next one leads over these passes only, if there are some.
+    pub(super) fn restart(&mut self, gaps: Option<Vec<Vec<Waypoint>>>) {
+        self.plan.restart(gaps);
         self.path.let_go();
     }
 

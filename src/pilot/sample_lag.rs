@@ -8,6 +8,8 @@ use std::time::Duration;
 
 /// At 2 m/s a vehicle goes 0.3 m meanwhile.
 const LATE_AFTER: Duration = Duration::from_millis(150);
+/// Without a new one for this long none comes at all: that is silence, which has rules of its own.
+const SILENT_AFTER: Duration = Duration::from_millis(120);
 /// One hiccup of a computer is no slow line.
 const LATE_FOR: Duration = Duration::from_millis(250);
 
@@ -15,6 +17,8 @@ const LATE_FOR: Duration = Duration::from_millis(250);
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct SampleLag {
     on_time_at: Option<Stamp<Mono>>,
+    /// The newest sample, and when it was first looked at.
+    newest: Option<(Stamp<Mono>, Stamp<Mono>)>,
     is_late: bool,
 }
 
@@ -26,13 +30,20 @@ impl SampleLag {
         now: Stamp<Mono>,
         newest: Option<Stamp<Mono>>,
     ) -> Option<Duration> {
-        let age = now.since(newest?);
+        let newest = newest?;
+        let age = now.since(newest);
+        let seen_at = match self.newest {
+            Some((known, seen_at)) if known == newest => seen_at,
+            _ => now,
+        };
+        self.newest = Some((newest, seen_at));
         if age <= LATE_AFTER {
             self.on_time_at = Some(now);
         }
         // Before the first one that was on time there is no place either.
         let was_late = self.is_late;
-        self.is_late = self.on_time_at.is_some_and(|on_time_at| now.since(on_time_at) > LATE_FOR);
+        self.is_late = now.since(seen_at) <= SILENT_AFTER
+            && self.on_time_at.is_some_and(|on_time_at| now.since(on_time_at) > LATE_FOR);
         (self.is_late && !was_late).then_some(age)
     }
 
@@ -67,8 +78,10 @@ mod tests {
     }
 
     #[test]
-    fn gaps_that_the_filter_bridges_and_hiccups_are_no_lateness() {
+    fn bridged_gaps_hiccups_and_silence_are_no_lateness() {
         assert_eq!(told_at(|ms| ms % 100), (Vec::new(), false));
+        let silent_from = |ms: u64| if ms < 1_500 { 20 } else { ms - 1_480 };
+        assert_eq!(told_at(silent_from), (Vec::new(), false));
         let hiccup = |ms: u64| if (1_500..1_700).contains(&ms) { ms - 1_480 } else { 20 };
         assert_eq!(told_at(hiccup), (Vec::new(), false));
     }

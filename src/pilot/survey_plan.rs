@@ -3,10 +3,12 @@
 use crate::geometry::{Hall, Point};
 use crate::mapping::Mapper;
 use crate::mapping::belief::CoarseField;
+use crate::mapping::gaps::Gap;
 use crate::mapping::projection::LidarMount;
-use crate::messages::{BudgetSource, VolumeAccount};
+use crate::messages::{BudgetSource, GridGeometry, VolumeAccount};
 use crate::planning::clearance::Clearance;
 use crate::planning::free_space::FreeSpace;
+use crate::planning::gap_way;
 use crate::planning::planner::{Belief, Plan, PlanEnd, PlanRequest};
 use crate::planning::way::{Demand, way_within};
 use crate::planning::{PlannerKind, Settings, Waypoint};
@@ -47,7 +49,12 @@ pub(super) struct SurveyPlan {
     n_failures: u32,
     /// The planner believes that the target is reached; the next account says whether it is.
     awaits_account: bool,
+    /// The survey is kept, and this flight leads into its gaps only.
+    gaps: Option<GapPasses>,
 }
+
+/// Ways over the gaps of a survey, in no order yet.
+type GapPasses = Vec<Vec<Waypoint>>;
 
 /// What a plan rests on besides map and free space.
 #[derive(Debug, Clone, Copy)]
@@ -77,11 +84,13 @@ impl SurveyPlan {
             is_stale: false,
             n_failures: 0,
             awaits_account: false,
+            gaps: None,
         }
     }
 
-    /// Forgets the last flight.
-    pub(super) fn restart(&mut self) {
+    /// Forgets the last flight; the next one leads over these passes only, if there are some.
+    pub(super) fn restart(&mut self, gaps: Option<GapPasses>) {
+        self.gaps = gaps;
         self.ahead.clear();
         self.steps_done = 0;
         self.planned_at_step = None;
@@ -90,6 +99,24 @@ impl SurveyPlan {
         self.is_stale = false;
         self.n_failures = 0;
         self.awaits_account = false;
+    }
+
+    /// The whole way into the gaps, once, if that is what the flight is for. It is no job: nothing of it is
+    /// searched.
+    pub(super) fn plan_into_gaps(&mut self, from: &Waypoint) -> Option<Plan> {
+        if self.planned_at_step.is_some() {
+            return None;
+        }
+        let mut waypoints = gap_way::ordered(self.gaps.clone()?, from);
+        waypoints.truncate(self.settings.n_steps);
+        let end = if waypoints.is_empty() { PlanEnd::NothingFree } else { PlanEnd::Complete };
+        self.asked_behind = Some(*from);
+        Some(Plan { waypoints, end, prediction: None })
+    }
+
+    /// Ways over a gap from which the vehicle could look into it.
+    pub(super) fn passes_over(&self, gap: &Gap, grid: &GridGeometry) -> GapPasses {
+        gap_way::passes(gap, grid, &self.settings, &self.free_space)
     }
 
     pub(super) const fn settings(&self) -> &Settings {
@@ -151,8 +178,13 @@ impl SurveyPlan {
             .settings
             .target_ratio
             .is_some_and(|ratio| estimate.sigma_m3 <= ratio * estimate.volume_m3.abs());
-        // Without a step nothing of the material was looked at on purpose.
-        if is_reached && self.steps_done > 0 && self.end != Some(PlanEnd::Target) {
+        // Without a step nothing of the material was looked at on purpose; and who wants the gaps flown
+        // may have known the target to be reached.
+        if is_reached
+            && self.gaps.is_none()
+            && self.steps_done > 0
+            && self.end != Some(PlanEnd::Target)
+        {
             self.ahead.clear();
             self.end = Some(PlanEnd::Target);
             return true;
@@ -198,6 +230,7 @@ impl SurveyPlan {
 
     fn is_due(&self) -> bool {
         let is_open = self.end.is_none()
+            && self.gaps.is_none()
             && !self.awaits_account
             && self.steps_done + self.ahead.len().min(N_PENDING) < self.settings.n_steps;
         is_open
@@ -277,7 +310,9 @@ impl SurveyPlan {
     /// laid out once and for all stays.
     pub(super) fn ask_from_here(&mut self) {
         self.ask_anew();
-        if matches!(self.settings.planner, PlannerKind::Horizon | PlannerKind::External) {
+        if self.gaps.is_none()
+            && matches!(self.settings.planner, PlannerKind::Horizon | PlannerKind::External)
+        {
             self.ahead.clear();
             // A plan that is being made goes on from elsewhere.
             self.asked_behind = None;

@@ -2,6 +2,7 @@
 
 use super::topic::Topic;
 use super::twin;
+use super::view::{ViewTopic, view_of};
 use crate::messages::{
     AutopilotPose, BatterySample, CommandOutcome, ImuSample, OperatorCommand, StorageState,
     VehicleState,
@@ -84,6 +85,19 @@ impl From<&Action> for Entry {
 pub(super) struct Encoded {
     pub(super) topic: Topic,
     pub(super) json: Vec<u8>,
+}
+
+/// An entry as it is written, with what viewers see of it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Written {
+    pub(super) encoded: Encoded,
+    pub(super) view: Option<(ViewTopic, Vec<u8>)>,
+}
+
+impl Written {
+    pub(super) fn new(at: Stamp<Mono>, entry: &Entry) -> serde_json::Result<Self> {
+        Ok(Self { encoded: entry.encoded()?, view: view_of(entry, at) })
+    }
 }
 
 impl Entry {

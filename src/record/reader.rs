@@ -90,6 +90,9 @@ impl<R: Read> LogReader<R> {
     pub fn new(source: R) -> Self {
         let options = LinearReaderOptions::default()
             .with_prevalidate_chunk_crcs(true)
+            // What lies outside the chunks, lengths and kinds of records, can hide a chunk.
+            .with_validate_data_section_crc(true)
+            .with_validate_summary_section_crc(true)
             .with_record_length_limit(MAX_RECORD_BYTES);
         Self {
             source,

@@ -1,6 +1,7 @@
 //! The thread that writes the log.
 
-use super::entry::Entry;
+use super::entry::{Entry, Written};
+use super::live::LiveView;
 use super::writer::{LogHeader, LogWriter, WriteError};
 use crate::pilot::{Action, Event};
 use crate::time::{Mono, Stamp};
@@ -118,18 +119,36 @@ impl Recorder {
     /// # Errors
     /// The file cannot be created or written.
     pub fn create(path: &Path, header: &LogHeader) -> Result<Self, RecordError> {
+        Self::create_shown(path, header, None)
+    }
+
+    /// The same; what is written is shown live too, if somebody is to see it.
+    ///
+    /// # Errors
+    /// The file cannot be created or written.
+    pub fn create_shown(
+        path: &Path,
+        header: &LogHeader,
+        live: Option<LiveView>,
+    ) -> Result<Self, RecordError> {
         let create = |cause| RecordError::Create { path: path.into(), cause };
         let begin = |cause: String| RecordError::Begin { path: path.into(), cause };
         let file = File::create_new(path).map_err(create)?;
         let to_sync = file.try_clone().map_err(create)?;
         let log = LogWriter::begin(BufWriter::new(file), header)
             .map_err(|cause| begin(cause.to_string()))?;
-        Self::spawn(log, move || to_sync.sync_data()).map_err(|cause| begin(cause.to_string()))
+        if let Some(live) = &live {
+            let encoded = header.config().map_err(|cause| begin(cause.to_string()))?;
+            live.show(header.started_at, &Written { encoded, view: None });
+        }
+        Self::spawn(log, live, move || to_sync.sync_data())
+            .map_err(|cause| begin(cause.to_string()))
     }
 
     /// Starts the threads over a begun log; `sync` brings flushed bytes to the disk.
     fn spawn<W>(
         log: LogWriter<W>,
+        live: Option<LiveView>,
         sync: impl FnMut() -> io::Result<()> + Send + 'static,
     ) -> io::Result<Self>
     where
@@ -138,7 +157,8 @@ impl Recorder {
         let (queue, jobs) = sync_channel(QUEUE_ENTRIES);
         let (metronome_stop, stopped) = channel();
         let counts = Arc::new(Counts::default());
-        let scribe = Scribe { log: Some(log), sync, n_unflushed: 0, counts: Arc::clone(&counts) };
+        let scribe =
+            Scribe { log: Some(log), live, sync, n_unflushed: 0, counts: Arc::clone(&counts) };
         let beats = queue.clone();
         let threads = vec![
             thread::Builder::new().name("log".into()).spawn(move || scribe.run(&jobs))?,
@@ -248,6 +268,7 @@ fn beat(stopped: &Receiver<()>, queue: &SyncSender<Job>) {
 /// What the writing thread owns; the log is gone once the disk has failed.
 struct Scribe<W: Write + Seek, S> {
     log: Option<LogWriter<W>>,
+    live: Option<LiveView>,
     sync: S,
     n_unflushed: u64,
     counts: Arc<Counts>,
@@ -270,12 +291,24 @@ impl<W: Write + Seek, S: FnMut() -> io::Result<()>> Scribe<W, S> {
 
     fn write(&mut self, lost_before: u64, at: Stamp<Mono>, entry: &Entry) {
         self.n_unflushed += 1;
+        // A disk that has failed ends the file, not the view.
+        if self.log.is_none() && self.live.is_none() {
+            self.count_lost();
+            return;
+        }
+        let written = match Written::new(at, entry) {
+            Ok(written) => written,
+            Err(error) => return self.settle(Err(error.into())),
+        };
+        if let Some(live) = &self.live {
+            live.show(at, &written);
+        }
         let Some(log) = &mut self.log else {
             self.count_lost();
             return;
         };
         let gap = if lost_before > 0 { log.write_lost(at, lost_before) } else { Ok(()) };
-        if let Err(error) = gap.and_then(|()| log.write(at, entry)) {
+        if let Err(error) = gap.and_then(|()| log.write(at, &written)) {
             self.settle(Err(error));
         }
     }

@@ -97,6 +97,12 @@ impl Topic {
         Self::ALL.iter().copied().find(|topic| topic.name() == name)
     }
 
+    /// The name of the schema of its messages.
+    #[must_use]
+    pub fn schema_name(self) -> String {
+        format!("stockpilot.{}", self.name().trim_start_matches('/').replace('/', "."))
+    }
+
     /// True for what the brain was told.
     #[must_use]
     pub fn is_event(self) -> bool {

@@ -1,9 +1,9 @@
 //! Entries to MCAP records.
 
 use super::build_identity;
-use super::entry::{Encoded, Entry, encode};
+use super::entry::{Encoded, Written, encode};
 use super::topic::{ConfigTwin, LostTwin, Topic};
-use super::view::{ViewTopic, view_of};
+use super::view::ViewTopic;
 use crate::time::{Mono, Stamp};
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{Compression, McapError, WriteOptions};
@@ -22,6 +22,18 @@ pub struct LogHeader {
     pub config_toml: String,
     /// Anything else worth knowing, such as civil time at the start.
     pub notes: BTreeMap<String, String>,
+}
+
+impl LogHeader {
+    /// The first message.
+    pub(super) fn config(&self) -> serde_json::Result<Encoded> {
+        let config = ConfigTwin {
+            version: env!("CARGO_PKG_VERSION").into(),
+            build: build_identity(),
+            config_toml: self.config_toml.clone(),
+        };
+        encode(Topic::Config, &config)
+    }
 }
 
 impl Default for LogHeader {
@@ -62,23 +74,18 @@ impl<W: Write + Seek> LogWriter<W> {
         let mut log = Self { mcap, channels, views, sequence: 0 };
         log.write_metadata(header)?;
         log.add_channels()?;
-        let config = ConfigTwin {
-            version: env!("CARGO_PKG_VERSION").into(),
-            build: build_identity(),
-            config_toml: header.config_toml.clone(),
-        };
-        log.write_encoded(header.started_at, &encode(Topic::Config, &config)?)?;
+        log.write_encoded(header.started_at, &header.config()?)?;
         log.flush()?;
         Ok(log)
     }
 
     /// Writes an entry and what viewers see of it.
-    pub(super) fn write(&mut self, at: Stamp<Mono>, entry: &Entry) -> Result<(), WriteError> {
-        self.write_encoded(at, &entry.encoded()?)?;
-        if let Some((topic, bytes)) = view_of(entry, at)
-            && let Some(channel) = self.views.get(&topic)
+    pub(super) fn write(&mut self, at: Stamp<Mono>, written: &Written) -> Result<(), WriteError> {
+        self.write_encoded(at, &written.encoded)?;
+        if let Some((topic, bytes)) = &written.view
+            && let Some(channel) = self.views.get(topic)
         {
-            self.write_message(*channel, at, &bytes)?;
+            self.write_message(*channel, at, bytes)?;
         }
         Ok(())
     }
@@ -111,9 +118,7 @@ impl<W: Write + Seek> LogWriter<W> {
         let none = BTreeMap::new();
         for topic in Topic::ALL {
             let schema = serde_json::to_vec(&topic.schema())?;
-            let name = topic.name().trim_start_matches('/').replace('/', ".");
-            let schema_name = format!("stockpilot.{name}");
-            let schema_id = self.mcap.add_schema(&schema_name, "jsonschema", &schema)?;
+            let schema_id = self.mcap.add_schema(&topic.schema_name(), "jsonschema", &schema)?;
             let channel = self.mcap.add_channel(schema_id, topic.name(), "json", &none)?;
             self.channels.insert(*topic, channel);
         }

@@ -17,7 +17,6 @@ pub(super) fn content(facts: &Facts, log_sha256: &str) -> Result<Content, Report
     let mut parts = front(facts)?;
     parts.push(Part::NewPage);
     parts.extend(picture_pages(facts)?);
-    parts.push(Part::NewPage);
     parts.extend(budget(facts)?);
     parts.extend(method::parts(facts, log_sha256));
     Ok(Content {

@@ -22,6 +22,7 @@ pub(super) fn maps(flight: &Flight) -> Result<Vec<Picture>, FigureError> {
         grid: lattice(&surface.grid, masked(&surface.mean_m, &counts)),
         quantity: "height over the hall's zero (m)".to_owned(),
         range: None,
+        is_signed: false,
         overlays: over(true),
     };
     let sigma = HeatMap {
@@ -29,6 +30,7 @@ pub(super) fn maps(flight: &Flight) -> Result<Vec<Picture>, FigureError> {
         grid: lattice(&surface.grid, masked(&surface.sigma_m, &counts)),
         quantity: "σ of the height (m)".to_owned(),
         range: quantile(&surface.sigma_m, &counts, SIGMA_QUANTILE).map(|high| [0.0, high]),
+        is_signed: false,
         overlays: over(false),
     };
     let mut pictures = vec![
@@ -75,6 +77,7 @@ pub(super) fn change(flight: &Flight, earlier: &HeightMap) -> Result<Option<Pict
         grid: lattice(&surface.grid, masked(&change, &flight.counting_cells())),
         quantity: "later less earlier (m)".to_owned(),
         range: None,
+        is_signed: true,
         overlays: overlays(flight, false),
     };
     picture(&map, "Change of height since the earlier survey.").map(Some)

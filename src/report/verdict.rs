@@ -69,9 +69,13 @@ impl Target {
         let unmeasured = account.shares.unseen_ratio + account.shares.disturbed_ratio;
         let mut own = Vec::new();
         if expanded_m3 > allowed_m3 {
-            own.push(format!(
-                "U = {expanded_m3:.2} m³ is more than the target of {allowed_m3:.2} m³"
-            ));
+            // The numbers stand in the tables; equal words let a report name all bays in one line.
+            let Self { percent, least_m3 } = self;
+            own.push(if allowed_m3 > *least_m3 {
+                format!("U is more than the target of {percent} % of the volume")
+            } else {
+                format!("U is more than the target of {least_m3} m³")
+            });
         }
         if unmeasured > UNMEASURED_REMARK {
             own.push(format!(
@@ -147,10 +151,12 @@ mod tests {
     }
 
     #[test]
-    fn every_remark_says_its_number() {
+    fn every_remark_says_what_it_is_held_against() {
         let (_, remarks) = Target::default().judge(&account(100.0, 1.5, 0.5), false, false);
         assert_eq!(remarks.len(), 3);
-        assert!(remarks[0].contains("3.00 m³") && remarks[0].contains("2.00 m³"));
         assert!(remarks[1].contains("50 %"));
+        assert_eq!(remarks[0], "U is more than the target of 2 % of the volume");
+        let (_, remarks) = Target::default().judge(&account(1.0, 0.3, 0.0), true, false);
+        assert_eq!(remarks, ["U is more than the target of 0.5 m³"]);
     }
 }

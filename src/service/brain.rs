@@ -124,7 +124,7 @@ impl Brain {
     pub(super) async fn run(mut self, mut inputs: Inputs, stop: CancellationToken) -> ServiceStats {
         loop {
             match self.next(&mut inputs, &stop).await {
-                Happening::Stopped => return self.end().await,
+                Happening::Stopped => return Box::pin(self.end()).await,
                 Happening::TickDue => self.tick(&mut inputs),
                 Happening::Arrived(received) => self.arrived(&received),
                 Happening::Sensed(event) => self.events.push_back(event),

@@ -11,7 +11,7 @@ use crate::lidar::{Driver, LidarStatus, OpenError};
 use crate::pilot::{Event, Pilot};
 use crate::record::{self, LogHeader};
 use crate::time::{Mono, Stamp};
-use crate::web::{self, BrainEnd, RunningPage, Scene, Sensors};
+use crate::web::{self, BrainEnd, Floor, RunningPage, Scene, Sensors};
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
@@ -77,6 +77,7 @@ pub struct Onboard {
     camera_stats: watch::Receiver<CameraStats>,
     images: Vec<ImageDriver>,
     page: Option<RunningPage>,
+    live: Option<record::RunningLive>,
     log: PathBuf,
 }
 
@@ -101,6 +102,7 @@ impl Onboard {
     pub async fn start(config: &Config, around: Surroundings) -> Result<Self, OnboardError> {
         let settings = config.pilot_settings()?;
         let (page, scene) = (config.page_settings()?, Scene::new(&settings));
+        let floor = Floor::new(&settings.mapping);
         let pilot = Pilot::new(settings);
         let (link, lidar) = (config.link_settings()?, config.lidar_settings()?);
         let listener = Listener::bind(config.camera_settings()?).await.map_err(|source| {
@@ -112,7 +114,8 @@ impl Onboard {
         let lidar = Driver::start(lidar, move || lidar_clock.now(), scans_tx, &stop)?;
         let shelf = config.storage_settings()?;
         let log = log_path(&shelf.folder);
-        let begun = begin_log(&log, &header(config, clock.now())?);
+        let (live, running_live) = start_live(config.foxglove_address()?, &stop).unzip();
+        let begun = begin_log(&log, &header(config, clock.now())?, live);
         let health = begun.as_ref().map(record::Recorder::health);
         let recorder: Box<dyn super::Recorder> = match begun {
             Some(recorder) if waits_for_disk => Box::new(recorder.waiting()),
@@ -131,6 +134,7 @@ impl Onboard {
         let sensors = Sensors { lidar: lidar.status(), camera: camera_stats.clone() };
         let around = web::Surroundings {
             scene,
+            floor,
             space: pilot.free_space(),
             sensors,
             log: log.clone(),
@@ -151,6 +155,7 @@ impl Onboard {
             camera_stats,
             images,
             page: running,
+            live: running_live,
             log,
         })
     }
@@ -159,6 +164,12 @@ impl Onboard {
     #[must_use]
     pub fn page_addr(&self) -> Option<SocketAddr> {
         self.page.as_ref().map(RunningPage::address)
+    }
+
+    /// Where the live log for Foxglove is served, if it is.
+    #[must_use]
+    pub fn foxglove_addr(&self) -> Option<SocketAddr> {
+        self.live.as_ref().map(record::RunningLive::address)
     }
 
     /// What the service last said of itself.
@@ -242,6 +253,11 @@ impl Onboard {
         {
             tracing::error!(%error, "the page died");
         }
+        if let Some(live) = self.live
+            && let Err(error) = tokio::task::spawn_blocking(move || live.join()).await
+        {
+            tracing::error!(%error, "the live log died");
+        }
         // Joining a thread blocks for one poll of its port.
         let stop_threads = move || {
             self.lidar.stop();
@@ -287,6 +303,21 @@ fn start_page(
     }
 }
 
+/// A flight does not depend on who looks at its log.
+fn start_live(
+    listen: Option<SocketAddr>,
+    stop: &CancellationToken,
+) -> Option<(record::LiveView, record::RunningLive)> {
+    let address = listen?;
+    match record::LiveView::serve(address, stop.child_token()) {
+        Ok(live) => Some(live),
+        Err(error) => {
+            tracing::error!(%error, %address, "there is no live log");
+            None
+        }
+    }
+}
+
 /// A name that sorts by time of start and is not taken: two starts in one second differ by a count.
 fn log_path(directory: &Path) -> PathBuf {
     let started = jiff::Timestamp::now().strftime("%Y%m%dT%H%M%SZ").to_string();
@@ -298,12 +329,16 @@ fn log_path(directory: &Path) -> PathBuf {
 
 /// Begins the log. Without one the program runs all the same: beside a vehicle that flies already people
 /// may need it, and on the ground the preflight list says what is wrong.
-fn begin_log(log: &Path, header: &LogHeader) -> Option<record::Recorder> {
+fn begin_log(
+    log: &Path,
+    header: &LogHeader,
+    live: Option<record::LiveView>,
+) -> Option<record::Recorder> {
     let folder = log.parent().unwrap_or(Path::new("."));
     if let Err(error) = std::fs::create_dir_all(folder) {
         tracing::error!(%error, folder = %folder.display(), "the log's folder cannot be made");
     }
-    match record::Recorder::create(log, header) {
+    match record::Recorder::create_shown(log, header, live) {
         Ok(recorder) => Some(recorder),
         Err(error) => {
             tracing::error!(%error, "nothing is recorded, and no survey is begun");

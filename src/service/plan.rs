@@ -218,6 +218,7 @@ impl Plan {
             grid,
             quantity: quantity.to_owned(),
             range,
+            is_signed: false,
             overlays: self.overlays(height_m, suggestions),
         };
         let heading_deg = yaw_rad.to_degrees();

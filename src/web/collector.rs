@@ -97,8 +97,11 @@ impl Collector {
         match action {
             Action::PhaseChanged(change) => {
                 match change.to {
-                    Phase::Preflight => self.restart(),
+                    Phase::Preflight if !self.is_into_gaps() => self.restart(),
                     Phase::TakeOff if change.from == Phase::Preflight => {
+                        self.ended = None;
+                        self.verdict = None;
+                        self.landed_at = None;
                         self.took_off_at = Some(change.at);
                     }
                     Phase::Idle => self.landed_at = Some(change.at),
@@ -116,6 +119,12 @@ impl Collector {
             }
             _ => {}
         }
+    }
+
+    /// The flight goes on with the survey before it: the brain shows where it stands before it tells of
+    /// the step that led there.
+    fn is_into_gaps(&self) -> bool {
+        self.outlook.as_ref().is_some_and(|outlook| outlook.is_into_gaps)
     }
 
     /// The next flight measures anew.

@@ -1,5 +1,6 @@
 //! Maps for displays: scaled down, rounded, encoded once for everybody.
 
+use super::earlier::Earlier;
 use super::scene::Scene;
 use super::state::MapVersions;
 use crate::geometry::Point;
@@ -30,7 +31,7 @@ pub(super) enum MapKind {
     Coverage,
     /// Quality of a fix at the height of the flight, 1/√(m² + rad²).
     FixQuality,
-    /// Height against the earlier survey, m.
+    /// Height against the last survey or the surveyed floor, m; nothing where either has not been seen.
     Change,
 }
 
@@ -39,6 +40,9 @@ pub(super) enum MapKind {
 pub(super) struct Map {
     /// Which.
     pub(super) kind: MapKind,
+    /// What a change is held against.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) against: Option<String>,
     /// Unit of the values.
     pub(super) unit: &'static str,
     /// Counts the maps of this kind.
@@ -64,16 +68,22 @@ pub(super) struct Map {
 pub(super) struct Maps {
     surface: Option<Box<HeightMap>>,
     coverage: Vec<CellCoverage>,
-    earlier: Option<Box<HeightMap>>,
+    earlier: Option<Earlier>,
     versions: MapVersions,
     space: Option<Arc<FreeSpace>>,
     encoded: BTreeMap<MapKind, (u64, Arc<str>)>,
 }
 
 impl Maps {
-    pub(super) fn new(space: Arc<FreeSpace>, earlier: Option<Box<HeightMap>>) -> Self {
+    pub(super) fn new(space: Arc<FreeSpace>, earlier: Option<Earlier>) -> Self {
         let versions = MapVersions { fix_quality: 1, ..MapVersions::default() };
         Self { space: Some(space), earlier, versions, ..Self::default() }
+    }
+
+    /// The change is held against this from now on.
+    pub(super) fn compare_with(&mut self, earlier: Earlier) {
+        self.versions.change += u64::from(self.surface.is_some());
+        self.earlier = Some(earlier);
     }
 
     pub(super) const fn versions(&self) -> MapVersions {
@@ -103,7 +113,21 @@ impl Maps {
     }
 
     fn fits_earlier(&self, surface: &HeightMap) -> bool {
-        self.earlier.as_ref().is_some_and(|earlier| earlier.grid == surface.grid)
+        let n_cells = surface.grid.n_cells();
+        self.earlier.as_ref().is_some_and(|earlier| earlier.heights_m.len() == n_cells)
+    }
+
+    /// Height now against before, where both are known.
+    fn change<'a>(
+        &'a self,
+        surface: &'a HeightMap,
+    ) -> impl Fn(&mut dyn Iterator<Item = usize>) -> Option<f64> + 'a {
+        mean_of(move |cell| {
+            // What nobody has seen yet is the prior's guess, and its change none of the material's.
+            let is_unseen = self.coverage.get(cell) == Some(&CellCoverage::Unseen);
+            let before_m = self.earlier.as_ref()?.heights_m[cell].filter(|_| !is_unseen)?;
+            Some(surface.mean_m[cell] - before_m)
+        })
     }
 
     /// The encoded map; `None` while there is none.
@@ -138,14 +162,7 @@ impl Maps {
         }
         let surface = self.surface.as_ref()?;
         let grid = &surface.grid;
-        let mean = |values: Vec<f64>| {
-            scaled(grid, |cells| {
-                let (sum, n) =
-                    cells.fold((0.0, 0.0), |(sum, n), cell| (sum + values[cell], n + 1.0));
-                // A division, since a product with 0.001 has digits behind the millimetres.
-                Some((sum / n * STEPS_PER_M).round() / STEPS_PER_M)
-            })
-        };
+        let mean = |values: Vec<f64>| scaled(grid, mean_of(move |cell| Some(values[cell])));
         let (unit, (grid, scaled_by, values)) = match kind {
             MapKind::Height => (unit, mean(surface.mean_m.clone())),
             MapKind::Sigma => (unit, mean(surface.sigma_m.clone())),
@@ -157,14 +174,14 @@ impl Maps {
                 ("", scaled(grid, worst))
             }
             MapKind::Change if self.fits_earlier(surface) => {
-                let before = &self.earlier.as_ref()?.mean_m;
-                let change = std::iter::zip(&surface.mean_m, before).map(|(now, b)| now - b);
-                (unit, mean(change.collect()))
+                (unit, scaled(grid, self.change(surface)))
             }
             MapKind::Coverage | MapKind::Change | MapKind::FixQuality => return None,
         };
+        let against = self.earlier.as_ref().filter(|_| kind == MapKind::Change);
         Some(Map {
             kind,
+            against: against.map(|earlier| earlier.name.clone()),
             unit,
             version,
             x_min_m: grid.x_min_m,
@@ -175,6 +192,18 @@ impl Maps {
             scaled_by,
             values,
         })
+    }
+}
+
+/// The mean of those cells that have a value, to the millimetre.
+fn mean_of(
+    value: impl Fn(usize) -> Option<f64>,
+) -> impl Fn(&mut dyn Iterator<Item = usize>) -> Option<f64> {
+    move |cells| {
+        let known = cells.filter_map(&value);
+        let (sum, n) = known.fold((0.0, 0.0), |(sum, n), value| (sum + value, n + 1.0));
+        // A division, since a product with 0.001 has digits behind the millimetres.
+        (n > 0.0).then(|| (sum / n * STEPS_PER_M).round() / STEPS_PER_M)
     }
 }
 
@@ -221,6 +250,7 @@ fn fix_quality(space: &FreeSpace, scene: &Scene, version: u64) -> Map {
     let values = (0..grid.n_cells()).map(quality).collect();
     Map {
         kind: MapKind::FixQuality,
+        against: None,
         unit: "1/√(m² + rad²)",
         version,
         x_min_m,
@@ -268,6 +298,32 @@ mod tests {
         let sigma = maps.map(MapKind::Sigma, &scene()).unwrap();
         assert_eq!(sigma.values[5], Some(0.013));
         assert!(maps.map(MapKind::Change, &scene()).is_none(), "no earlier survey");
+    }
+
+    #[test]
+    fn the_change_leaves_out_what_either_survey_has_not_seen() {
+        let heights_m = vec![Some(0.5), None, Some(1.0), Some(1.0), Some(0.0), Some(7.25)];
+        let earlier = Earlier { name: "survey of 2026-01-02".to_owned(), heights_m };
+        let mut maps = Maps::default();
+        maps.surface(surface(3, 2));
+        assert_eq!(maps.versions().change, 0);
+        // It may come later than the first surface: reading it takes time.
+        maps.compare_with(earlier);
+        assert_eq!(maps.versions().change, 1);
+        let mut coverage = vec![CellCoverage::Measured; 6];
+        coverage[3] = CellCoverage::Unseen;
+        coverage[4] = CellCoverage::Disturbed;
+        maps.cover(coverage);
+        maps.surface(surface(3, 2));
+        let change = maps.map(MapKind::Change, &scene()).unwrap();
+        // Heights are 0, 1, 2, 3, 4, 5 m now.
+        let expected = [Some(-0.5), None, Some(1.0), None, Some(4.0), Some(-2.25)];
+        assert_eq!(change.values, expected);
+        assert_eq!((change.version, change.against.as_deref()), (2, Some("survey of 2026-01-02")));
+        assert_eq!(maps.map(MapKind::Height, &scene()).unwrap().against, None);
+        // Another hall's.
+        maps.surface(surface(4, 4));
+        assert!(maps.map(MapKind::Change, &scene()).is_none());
     }
 
     #[test]

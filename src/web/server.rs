@@ -8,6 +8,7 @@ pub(super) use look::LookDoc;
 
 use super::access::{Access, Token};
 use super::collector::Collector;
+use super::earlier::Earlier;
 use super::feed::{BrainEnd, Feed, News};
 use super::maps::Maps;
 use super::scene::Scene;
@@ -15,6 +16,8 @@ use super::settings::Settings;
 use super::shared::{Parts, Shared, count};
 use crate::camera::CameraStats;
 use crate::lidar::LidarStatus;
+use crate::mapping;
+use crate::messages::GridGeometry;
 use crate::planning::free_space::FreeSpace;
 use axum::Router;
 use axum::extract::{DefaultBodyLimit, Request, State};
@@ -71,6 +74,8 @@ pub struct Sensors {
 pub struct Surroundings {
     /// The hall.
     pub scene: Scene,
+    /// The surveyed floor under its bays, to show how much lies on it.
+    pub floor: Floor,
     /// Where a fix is good enough.
     pub space: Arc<FreeSpace>,
     /// What is watched beside the brain.
@@ -79,6 +84,18 @@ pub struct Surroundings {
     pub log: PathBuf,
     /// Cancelled to end the page.
     pub stop: CancellationToken,
+}
+
+/// A surveyed floor, if bays lie on one.
+#[derive(Debug, Clone, Default)]
+pub struct Floor(Option<Earlier>);
+
+impl Floor {
+    /// The floor of a brain's bays.
+    #[must_use]
+    pub fn new(settings: &mapping::Settings) -> Self {
+        Self(Earlier::of_base(settings, &settings.region.grid(settings.cell_m)))
+    }
 }
 
 /// A page at work.
@@ -108,11 +125,13 @@ impl RunningPage {
 /// # Errors
 /// The address cannot be had, or there is no thread.
 pub fn start(settings: &Settings, around: Surroundings) -> io::Result<(BrainEnd, RunningPage)> {
-    let Surroundings { scene, space, sensors, log, stop } = around;
+    let Surroundings { scene, floor, space, sensors, log, stop } = around;
+    let floor = floor.0;
+    let (last_survey, grid) = (settings.last_survey.clone(), scene.grid);
     let (feed, news) = Feed::new();
     let (wishes_tx, wishes) = mpsc::channel(WISHES_WAITING);
     let name = log.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    let maps = Maps::new(space, None);
+    let maps = Maps::new(space, floor);
     let access = Access { token: token(settings), host_names: settings.host_names.clone() };
     let shared = Arc::new(Shared::new(Parts {
         collector: Collector::new(scene, maps, settings.target_percent, name),
@@ -134,6 +153,9 @@ pub fn start(settings: &Settings, around: Surroundings) -> io::Result<(BrainEnd,
                 Err(error) => return drop(bound_tx.send(Err(error))),
             };
             drop(bound_tx.send(listener.local_addr()));
+            if let Some(log) = last_survey {
+                tokio::spawn(compare(Arc::clone(&shared), log, grid));
+            }
             run(listener, shared, news).await;
         });
     })?;
@@ -193,6 +215,19 @@ async fn run(listener: TcpListener, shared: Arc<Shared>, news: mpsc::Receiver<Ne
     stop.cancelled().await;
     taking.abort();
     showing.abort();
+}
+
+/// Reads the last survey beside the page, which is served meanwhile.
+async fn compare(shared: Arc<Shared>, log: PathBuf, grid: GridGeometry) {
+    let read = tokio::task::spawn_blocking(move || {
+        stand_back();
+        Earlier::of_survey(&log, &grid)
+    });
+    match read.await {
+        Ok(Ok(earlier)) => shared.collector().maps.compare_with(earlier),
+        Ok(Err(error)) => tracing::warn!(%error, "the page shows no change since the last survey"),
+        Err(error) => tracing::error!(%error, "the last survey could not be read"),
+    }
 }
 
 /// Takes in what the brain tells.

@@ -12,6 +12,8 @@ pub struct Settings {
     pub token_file: Option<PathBuf>,
     /// Names, beside numeric addresses and `localhost`, by which browsers may call it.
     pub host_names: Vec<String>,
+    /// The log of the last survey, to show what has changed since.
+    pub last_survey: Option<PathBuf>,
     /// The wished-for expanded uncertainty (k = 2) of each volume, % of it.
     pub target_percent: f64,
 }

@@ -20,6 +20,7 @@ pub(super) enum Level {
 
 /// The whole picture.
 #[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+#[expect(clippy::struct_excessive_bools, reason = "independent facts of one instant")]
 pub(super) struct State {
     /// Counts the states; to be sent back with a wish to start or to go on.
     pub(super) seq: u64,
@@ -31,6 +32,8 @@ pub(super) struct State {
     pub(super) is_brain_alive: bool,
     /// The mission's phase.
     pub(super) phase: &'static str,
+    /// The flight goes on with the survey before it, into its gaps.
+    pub(super) is_into_gaps: bool,
     /// Why the mission came to it.
     pub(super) phase_reason: String,
     /// Time since take-off, s; of the last flight once it is over.
@@ -283,6 +286,23 @@ pub(super) struct Review {
     pub(super) is_complete: bool,
     /// What speaks against accepting it.
     pub(super) remarks: Vec<String>,
+    /// What it has left out, the largest share of the uncertainty first.
+    pub(super) gaps: Vec<Gap>,
+}
+
+/// Ground that a flight has left out.
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+pub(super) struct Gap {
+    /// Its middle, x and y, m.
+    pub(super) centre_m: [f64; 2],
+    /// Its area, m².
+    pub(super) area_m2: f64,
+    /// Share of the surface's variance of the volume that goes through it, 0 to 1.
+    pub(super) share: f64,
+    /// The bay it lies in, if bays have names.
+    pub(super) bay: Option<String>,
+    /// Another flight could look into it.
+    pub(super) is_in_reach: bool,
 }
 
 /// Versions of the maps.

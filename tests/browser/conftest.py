@@ -22,7 +22,10 @@ def flight(tmp_path_factory):
     """Address and token of the page of a flight, and its folder."""
     folder = tmp_path_factory.mktemp("flight")
     words = [program("stockpilot-sim"), "fly", "--page", "127.0.0.1:0", "--wait", "--speed", "1",
-             "--seed", "5", "--world", "piles", "--log", str(folder)]
+             "--seed", "5", "--world", "piles", "--log", str(folder),
+             "--last-survey", os.environ["STOCKPILOT_EARLIER"],
+             # Slow enough for a loaded machine to look at every map before the survey is over.
+             "--cruise-mps", "0.4"]
     with running(*words) as child:
         line = child.next_line(lambda line: line.startswith("{"))
         found = json.loads(line)

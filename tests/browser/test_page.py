@@ -16,6 +16,13 @@ def picture(watched, name, **options):
     return watched.page.screenshot(path=path, **options)
 
 
+def drawn(watched, locator):
+    """The pixels of an element, without waiting for a loaded machine to draw two equal frames."""
+    box = locator.bounding_box()
+    box["x"], box["y"] = (box[axis] + watched.page.evaluate(f"scroll{axis.upper()}") for axis in "xy")
+    return watched.page.screenshot(clip=box, full_page=True)
+
+
 def post(flight, path, body, **headers):
     """A request as a program sends it; gives status and answer."""
     request = urllib.request.Request(flight["page"] + path.lstrip("/"), json.dumps(body).encode(),
@@ -105,7 +112,7 @@ def test_numbers_move_and_maps_are_drawn(flight, desktop, colours):
     page.wait_for_function("(first) => document.querySelector('.volume .figure').innerText !== first",
                            arg=first, timeout=PATIENCE_MS)
     page.wait_for_function("document.querySelectorAll('#chart canvas').length > 0")
-    for tab in ["height", "sigma", "coverage", "fix-quality", "surface"]:
+    for tab in ["height", "sigma", "coverage", "fix-quality", "change", "surface"]:
         page.click(f"[data-map={tab}]")
         canvas = page.locator("#surface canvas" if tab == "surface" else "#map")
         expect(canvas).to_be_visible()
@@ -114,13 +121,17 @@ def test_numbers_move_and_maps_are_drawn(flight, desktop, colours):
         expect(page.locator("#stage-note")).to_have_text("")
         picture(desktop, f"2-{tab}-desktop")
         # A blank stage has one colour; outlines, path and vehicle alone some dozens.
-        n_colours = colours(canvas.screenshot())
+        n_colours = colours(drawn(desktop, canvas))
         assert n_colours > (80 if tab == "coverage" else 300), (tab, n_colours)
+    # The earlier survey was of other heaps: the scale has both signs, and names what it is held against.
+    page.click("[data-map=change]")
+    expect(page.locator("#legend")).to_have_attribute("data-of", re.compile(r"^change \d+$"))
+    expect(page.locator("#legend")).to_contain_text(re.compile(r"^since: survey of 2026-03-04-\d+\d+ cm"))
     # A section where the map is tapped.
     page.click("[data-map=height]")
     page.locator("#map").click(position={"x": 350, "y": 300})
     expect(page.locator("#section-caption")).to_contain_text("Section along x")
-    assert colours(page.locator("#section-canvas").screenshot()) > 20
+    assert colours(drawn(desktop, page.locator("#section-canvas"))) > 20
     page.click("#section-canvas")
     # The same numbers by the interface.
     known = state(flight)
@@ -137,7 +148,7 @@ def test_the_phone_shows_the_same_and_the_buttons_stay_in_reach(phone, colours):
     assert page.evaluate("document.documentElement.scrollWidth") <= 390, "nothing to scroll sideways"
     picture(phone, "3-survey-phone")
     picture(phone, "3-survey-phone-whole", full_page=True)
-    assert colours(page.locator("#map").screenshot()) > 300
+    assert colours(drawn(phone, page.locator("#map"))) > 300
 
 
 def test_each_button_is_acknowledged(flight, desktop, phone):
@@ -160,12 +171,47 @@ def test_each_button_is_acknowledged(flight, desktop, phone):
     picture(phone, "5-land-phone")
 
 
+def test_after_landing_the_gaps_are_offered_and_flown_on_the_same_map(flight, desktop, phone):
+    page = desktop.page
+    expect(page.locator("#review-dialog")).to_be_visible()
+    expect(page.locator("#review-gap-list li").first).to_contain_text("% of the variance")
+    picture(desktop, "6-review-desktop")
+    assert any(gap["is_in_reach"] for gap in state(flight)["review"]["gaps"])
+    token = {"X-Stockpilot-Token": flight["token"]}
+    # Motors: only with a fresh picture, as for every start.
+    assert post(flight, "/api/wishes/fly-gaps", {})[0] == 401
+    assert post(flight, "/api/wishes/fly-gaps", {}, **token)[0] == 409
+    before = state(flight)
+    page.click("#fly-gaps")
+    start = page.locator("#start")
+    expect(start).to_have_text("START INTO GAPS")
+    expect(start).to_be_disabled()
+    for box in page.locator("#signed input").all():
+        box.check()
+    expect(start).to_be_enabled()
+    picture(desktop, "7-preflight-gaps-desktop")
+    start.click()
+    expect(page.locator("#answer")).to_contain_text("START INTO THE GAPS acknowledged")
+    has_phase(page, "survey")
+    # The map was kept, and what is added makes it surer.
+    assert state(flight)["is_into_gaps"]
+    page.wait_for_function(
+        "async (u) => (await (await fetch('/api/state')).json()).volumes[0].expanded_m3 < 0.95 * u",
+        arg=before["volumes"][0]["expanded_m3"], timeout=PATIENCE_MS)
+    after = state(flight)
+    assert after["volumes"][0]["shares"][0] > before["volumes"][0]["shares"][0], (before, after)
+    picture(desktop, "7-gaps-desktop")
+    picture(phone, "7-gaps-phone")
+    page.click(".act-return")
+    has_phase(page, "return", "land")
+
+
 def test_after_landing_somebody_decides(flight, desktop):
     page = desktop.page
     expect(page.locator("#review-dialog")).to_be_visible()
     expect(page.locator("#review-remarks")).to_contain_text("cut short")
     page.fill("#remark", "cut short for the test")
-    picture(desktop, "6-review-desktop")
+    picture(desktop, "8-review-desktop")
     page.click("#reject")
     expect(page.locator("#answer")).to_contain_text("flight rejected")
     expect(page.locator("#open-review")).to_be_hidden()

@@ -50,14 +50,24 @@ def recorded(log):
     return last["accounts"]
 
 
+def two_digits(value):
+    """A number to two significant digits, and the place of the last one."""
+    value = decimal.Decimal(value)
+    place = decimal.Decimal(1).scaleb(value.adjusted() - 1)
+    rounded = value.quantize(place, decimal.ROUND_HALF_EVEN)
+    if rounded.adjusted() > value.adjusted():
+        place = place.scaleb(1)
+        rounded = value.quantize(place, decimal.ROUND_HALF_EVEN)
+    return rounded, place
+
+
+def two(value):
+    return f"{two_digits(value)[0]:f}"
+
+
 def stated(value, sigma):
     """y ± U with k = 2 by GUM 7.2.6, in decimal arithmetic: U to two digits, y to the same place."""
-    expanded = decimal.Decimal(2.0 * sigma)
-    place = decimal.Decimal(1).scaleb(expanded.adjusted() - 1)
-    rounded = expanded.quantize(place, decimal.ROUND_HALF_EVEN)
-    if rounded.adjusted() > expanded.adjusted():
-        place = place.scaleb(1)
-        rounded = expanded.quantize(place, decimal.ROUND_HALF_EVEN)
+    rounded, place = two_digits(2.0 * sigma)
     y = decimal.Decimal(value).quantize(place, decimal.ROUND_HALF_EVEN)
     return f"{y:f} ± {rounded:f}".replace("-", "−")
 
@@ -106,7 +116,52 @@ def test_pdf(out, report):
         inked = float((pixels.min(axis=2) < 200).mean())
         # A page may hold the last lines of a list and nothing else.
         assert 0.002 < inked < 0.6, f"page {number}: {inked}"
+    test_pdf_tables(texts, report)
     print(f"PDF: {len(texts)} pages, the volumes of page 1 as rounded here")
+
+
+# Sources by their names in the data, as people read them.
+SOURCES = {"prior": "gaps", "clock_offset": "clock"}
+
+
+def test_pdf_tables(texts, report):
+    """Every number of the tables, rounded here from what the log was shown to hold."""
+    everything = " ".join(texts)
+    n_numbers = 0
+    for account in report["accounts"]:
+        name, volume = account["name"], stated(account["volume_m3"], account["sigma_m3"])
+        share = two(100.0 * account["expanded_m3"] / account["volume_m3"])
+        mass = stated(account["mass_t"], account["mass_sigma_t"])
+        change, book = account["change"], account["book"]
+        judged = {True: "significant", False: "within noise"}
+        rows = [
+            f"{name} {volume} {share} % {mass} {account['verdict'].replace('_', ' ')}",
+            f"{name} {account['base']} {account['area_m2']:.1f} {two(account['base_expanded_m3'])}",
+            f"{name} {stated(change['change_m3'], change['sigma_m3'])} {judged[change['is_significant']]}",
+            *(f"{100.0 * account[state]:.1f} % {state}" for state in ["measured", "interpolated", "unseen"]),
+        ]
+        if book:
+            difference = stated(book["difference"], book["sigma"])
+            rows.append(f"{book['book']:.0f} {book['unit']} ({difference}) {book['unit']} "
+                        f"{judged[book['is_significant']]}")
+        for row in rows:
+            assert row in texts[0], f"{row!r} is not on page 1:\n{texts[0]}"
+        # The budget of this volume: from its heading to the next one.
+        budget = everything.split(f"{name}: {volume} m³", 1)[1].split("Tonnes: ", 1)[0]
+        of_volume = {source: var for source, var in account["budget_m6"].items() if source != "density"}
+        whole = sum(of_volume.values())
+        printed = re.findall(r"([a-z][a-z ]*?) ([\d.]+) m³, ([\d.]+) % of the variance", budget)
+        assert printed and sum(float(share) for _, _, share in printed) > 99.0, budget
+        by_name = {SOURCES.get(source, source.replace("_", " ")): var for source, var in of_volume.items()}
+        for source, expanded, share in printed:
+            var = by_name[source.strip()]
+            assert (expanded, share) == (two(2.0 * var ** 0.5), two(100.0 * var / whole)), (name, source)
+        n_numbers += 2 * len(printed) + len(rows)
+    beams, survey = report["beams"], report["survey"]
+    for wanted in [f"{beams['received']} received, {beams['used']} of the material",
+                   f"{survey['waypoints']} waypoints, {survey['path_length_m']:.1f} m of path"]:
+        assert wanted in everything, wanted
+    print(f"PDF: {n_numbers} entries of its tables are the log's numbers, rounded")
 
 
 def test_maps(out, report):

@@ -262,7 +262,7 @@ fn results_are_recorded_with_their_units_and_names() {
             _ => {}
         }
     }
-    assert_eq!(seen.len(), 11);
+    assert_eq!(seen.len(), 12);
     assert_eq!(results.len(), 12);
     let of = |topic: Topic| &results[&topic];
     assert_eq!(of(Topic::Setpoint)["position_m"], serde_json::json!([1.0, 2.0, 3.0]));

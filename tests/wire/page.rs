@@ -8,7 +8,7 @@ use stockpilot::config::Config;
 use stockpilot::lidar::LidarStatus;
 use stockpilot::mission::Phase;
 use stockpilot::pilot::Pilot;
-use stockpilot::web::{self, BrainEnd, RunningPage, Scene, Sensors, Settings, Surroundings};
+use stockpilot::web::{self, BrainEnd, Floor, RunningPage, Scene, Sensors, Settings, Surroundings};
 use tokio::sync::watch;
 use tokio_util::sync::CancellationToken;
 
@@ -44,11 +44,13 @@ impl Page {
             listen: "127.0.0.1:0".parse().unwrap(),
             token_file: Some(token_file),
             host_names: Vec::new(),
+            last_survey: None,
             target_percent: 2.0,
         };
         let stop = CancellationToken::new();
         let around = Surroundings {
             scene: Scene::new(&pilot),
+            floor: Floor::new(&pilot.mapping),
             space: Pilot::new(pilot).free_space(),
             sensors: Sensors {
                 lidar: watch::channel(LidarStatus::default()).1,

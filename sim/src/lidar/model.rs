@@ -22,6 +22,8 @@ pub struct LidarModel {
     pub range_max_m: f64,
     /// Standard deviation of a range, m.
     pub range_sigma_m: f64,
+    /// Standard deviation of a beam's direction in the scan plane about the one that is reported, rad.
+    pub angle_sigma_rad: f64,
     /// Every range is reported longer by this, m.
     pub range_bias_m: f64,
     /// Every range is reported longer by this times itself.

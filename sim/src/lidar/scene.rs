@@ -32,6 +32,7 @@ pub trait Scene {
 pub struct Optics {
     model: LidarModel,
     range_noise: Noise,
+    angle_noise: Noise,
     dropout_noise: Noise,
     dust: Noise,
     mixing: Noise,
@@ -57,6 +58,7 @@ impl Optics {
         Self {
             model,
             range_noise: seeds.stream("lidar.range"),
+            angle_noise: seeds.stream("lidar.angle"),
             dropout_noise: seeds.stream("lidar.dropout"),
             dust: seeds.stream("lidar.dust"),
             mixing: seeds.stream("lidar.mixing"),
@@ -172,7 +174,9 @@ impl<P: Fn(Stamp<Mono>) -> Transform<Hall, Body>> Scene for HallView<'_, P> {
 
     fn echo(&mut self, at: Stamp<Mono>, clockwise_deg: f64) -> Option<Echo> {
         let hall_from_lidar = self.hall_from_lidar(at);
-        let angle_rad = counter_clockwise_rad(clockwise_deg);
+        // Drawn for every beam, so that a lost echo does not shift the others.
+        let jitter_rad = self.optics.model.angle_sigma_rad * self.optics.angle_noise.normal();
+        let angle_rad = counter_clockwise_rad(clockwise_deg) + jitter_rad;
         let (hit, direction) = self.cast(&hall_from_lidar, angle_rad);
         let half_rad = self.optics.model.half_width_rad;
         let edges = (half_rad > 0.0).then(|| {

@@ -85,6 +85,42 @@ fn default_mount_looks_down_at_zero_and_left_a_quarter_turn_counter_clockwise() 
     assert!((points_to(0.0, 1.0) - Vector3::y()).norm() < 1e-12);
 }
 
+/// A sensor without noise.
+fn exact() -> LidarModel {
+    LidarModel {
+        range_sigma_m: 0.0,
+        angle_sigma_rad: 0.0,
+        dropout_ratio: 0.0,
+        ..LidarModel::ld19()
+    }
+}
+
+#[test]
+fn beams_point_beside_their_angles_by_the_stated_deviation() {
+    let region = Region::new(0.0, 0.0, 20.0, 20.0);
+    let floor = HeightField::from_fn(&region, 0.5, |_, _| 0.0).unwrap();
+    let world = World::assemble("floor", floor, Vec::new(), SeedBook::new(0));
+    let level = |_: Stamp<_>| Transform::new(Rotation::identity(), Point::new(10.0, 10.0, 6.0));
+    let angle_sigma_rad = LidarModel::ld19().angle_sigma_rad;
+    let model = LidarModel { angle_sigma_rad, ..exact() };
+    let height_m = 6.0 + model.body_from_lidar.origin.coords.z;
+    let mut lidar = LidarSimulator::new(model, SeedBook::new(3), Stamp::ZERO);
+    let packets = lidar.advance(&world, after_ms(4000), level);
+    let samples = packets.iter().flat_map(|packet| packet.samples);
+    // Where the beam that was half a quarter turn from straight down met the floor: cos α = h/d.
+    let off_rad: Vec<f64> = samples
+        .filter(|s| s.range_mm > 0)
+        .map(|s| ((s.clockwise_cdeg + 18_000.0) % 36_000.0 - 18_000.0, f64::from(s.range_mm)))
+        .filter(|(cdeg, _)| (3000.0..5500.0).contains(&cdeg.abs()))
+        .map(|(cdeg, mm)| (1000.0 * height_m / mm).acos() - (cdeg.abs() / 100.0).to_radians())
+        .collect();
+    let n = off_rad.len() as f64;
+    assert!(n > 2000.0, "{n}");
+    let sigma_rad = (off_rad.iter().map(|off| off * off).sum::<f64>() / n).sqrt();
+    // Five standard errors of a deviation from 2000; ranges are rounded to 0.05 mrad at most.
+    assert!((sigma_rad / angle_sigma_rad - 1.0).abs() < 0.08, "{sigma_rad}");
+}
+
 #[test]
 fn range_noise_has_the_stated_deviation() {
     let world = World::alps(0).unwrap();
@@ -138,7 +174,7 @@ fn late_stamps_belong_to_an_earlier_pose() {
     let region = Region::new(0.0, 0.0, 20.0, 20.0);
     let floor = HeightField::from_fn(&region, 0.5, |_, _| 0.0).unwrap();
     let world = World::assemble("floor", floor, Vec::new(), SeedBook::new(0));
-    let quiet = LidarModel { range_sigma_m: 0.0, dropout_ratio: 0.0, ..LidarModel::ld19() };
+    let quiet = exact();
     // Straight up at 1 m/s: the range straight down grows by the offset times the speed.
     let climbing = |at: Stamp<_>| {
         Transform::new(Rotation::identity(), Point::new(9.0, 11.0, 6.0 + at.seconds()))
@@ -167,7 +203,7 @@ fn after_ms(ms: u64) -> Stamp<stockpilot::time::Mono> {
 #[test]
 fn dust_shortens_its_share_of_the_beams_and_leaves_the_others() {
     let world = World::alps(0).unwrap();
-    let plain = LidarModel { range_sigma_m: 0.0, dropout_ratio: 0.0, ..LidarModel::ld19() };
+    let plain = exact();
     let dusty = LidarModel { dust_ratio: 0.05, ..plain.clone() };
     let pairs = side_by_side(&world, &dusty, &plain);
     let n = pairs.len() as f64;
@@ -193,7 +229,7 @@ fn wide_beams_mix_two_surfaces_at_edges_only() {
     let floor = HeightField::from_fn(&region, 0.1, |_, _| 0.0).unwrap();
     let table = Cuboid::over(&Region::new(7.0, 9.0, 11.0, 13.0), 0.0, 3.0);
     let world = World::assemble("table", floor, vec![table], SeedBook::new(0));
-    let plain = LidarModel { range_sigma_m: 0.0, dropout_ratio: 0.0, ..LidarModel::ld19() };
+    let plain = exact();
     let wide = LidarModel { half_width_rad: 0.004, ..plain.clone() };
     let pairs = side_by_side(&world, &wide, &plain);
     let mixed: Vec<_> = pairs.iter().filter(|(a, b)| a.range_mm != b.range_mm).collect();

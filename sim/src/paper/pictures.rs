@@ -96,6 +96,7 @@ fn ground_truth(world: &World) -> HeatMap {
         grid: sampled(&world.region, TRUTH_CELL_M, |x, y| world.height_at(x, y)),
         quantity: "height over the floor (m)".to_owned(),
         range: None,
+        is_signed: false,
         overlays: walls(world).collect(),
     }
 }
@@ -123,6 +124,7 @@ fn quality_of_fix(scenario: &Scenario, cell_m: f64) -> HeatMap {
         title: format!("Quality of fix at {height_m:.1} m, heading {:.0}°", planning.yaw_deg),
         quantity: format!("q_pos (1/√(m² + rad²)); {brightest:.0} and above are one colour"),
         range: Some([0.0, brightest]),
+        is_signed: false,
         overlays: [
             Overlay::new("region", Shape::Outline, Ink::Grey, region),
             Overlay::new(format!("q_pos = τ = {min_quality}"), Shape::Segments, Ink::Red, border),
@@ -203,6 +205,7 @@ fn step_map(world: &World, flown: &Flown, kept: &StepMap, part: Part, range: [f6
         },
         quantity: quantity.to_owned(),
         range: Some(range),
+        is_signed: false,
         overlays: walls(world)
             .chain([
                 Overlay::new("true path of the survey", Shape::Path, Ink::Red, track),

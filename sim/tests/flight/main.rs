@@ -6,6 +6,7 @@ mod calibrate;
 mod external_planner;
 mod fault_cases;
 mod faults;
+mod gaps;
 mod hollows;
 mod merge;
 mod mode_switch;

@@ -11,7 +11,12 @@ pub(crate) const STEP: Duration = Duration::from_millis(2);
 
 /// A model without noise and without lost returns.
 pub(crate) fn exact(model: Model) -> LidarModel {
-    LidarModel { range_sigma_m: 0.0, dropout_ratio: 0.0, ..LidarModel::of(model) }
+    LidarModel {
+        range_sigma_m: 0.0,
+        angle_sigma_rad: 0.0,
+        dropout_ratio: 0.0,
+        ..LidarModel::of(model)
+    }
 }
 
 pub(crate) fn room(model: &LidarModel) -> Room {

@@ -68,11 +68,13 @@ impl Session {
             MavMessage::HEARTBEAT(data) => self.heartbeat_in(system, component, data, arrived, out),
             MavMessage::COMMAND_LONG(data) => {
                 let target = (data.target_system, data.target_component);
-                self.asked((system, component), target, data.command, arrived, out);
+                let asked = (data.command, data.param1);
+                self.asked((system, component), target, asked, arrived, out);
             }
             MavMessage::COMMAND_INT(data) => {
                 let target = (data.target_system, data.target_component);
-                self.asked((system, component), target, data.command, arrived, out);
+                let asked = (data.command, data.param1);
+                self.asked((system, component), target, asked, arrived, out);
             }
             MavMessage::PARAM_REQUEST_LIST(_)
             | MavMessage::PARAM_REQUEST_READ(_)
@@ -207,7 +209,7 @@ impl Session {
         &mut self,
         from: (u8, u8),
         target: (u8, u8),
-        command: MavCmd,
+        (command, param1): (MavCmd, f32),
         arrived: Stamp<Mono>,
         out: &mut SessionOutput,
     ) {
@@ -218,7 +220,7 @@ impl Session {
             return;
         }
         let (system, component) = from;
-        if let Some(verb) = inbound::operator_verb(command) {
+        if let Some(verb) = inbound::operator_verb(command, param1) {
             self.stats.operator_commands += 1;
             let from = OperatorRequest { system, component };
             if !self.operators.passes(verb, from, arrived) {

@@ -5,13 +5,15 @@ use crate::mapping::budget::data_budgets;
 use crate::mapping::datum::{Linearization, Turn};
 use crate::mapping::disturbance::{Levels, Undisturbed};
 use crate::mapping::footprint::{Footprint, Patch};
+use crate::mapping::gaps::{Gap, gaps};
+use crate::mapping::grid_map::Bays;
 use crate::mapping::hidden_ground::HiddenGround;
 use crate::mapping::left_out::{self, LeftOut};
 use crate::mapping::mapper::SolvedSurface;
 use crate::mapping::matern_field::{self, FieldError, Information, Solution, Solver};
 use crate::mapping::ray_ceiling::RayCeiling;
 use crate::mapping::roughness::Residuals;
-use crate::messages::{BudgetRow, BudgetSource, GridGeometry, HeightMap};
+use crate::messages::{BudgetRow, BudgetSource, CellCoverage, GridGeometry, HeightMap};
 use crate::time::{Mono, Stamp};
 use std::sync::Arc;
 
@@ -240,6 +242,7 @@ impl SolveField {
         let q_m2: Vec<&[f64]> = adjoints.iter().map(|adjoint| adjoint.q.as_slice()).collect();
         let budgets = data_budgets(&turns.footprints, &at, &q_m2, &setup.settings.calibration);
         let mean_m = setup.lattice.on_cells(&round.newest.heights_m);
+        let summands_m6 = setup.lattice.on_cells(&summands(&areas_m2[0], q_m2[0]));
         let seen = setup.seen(&round.data.info, &turns.flagged);
         let range_m = setup.settings.range_m;
         let is_hidden = setup.lattice.far_from(&round.newest.is_known);
@@ -263,18 +266,37 @@ impl SolveField {
         let var_m2 = round.var_m2.unwrap_or_else(|| setup.own_var_m2(&round.data.info));
         let sigma_m = setup.lattice.on_cells(&var_m2).iter().map(|var| var.sqrt()).collect();
         let grid = *setup.lattice.grid();
+        let coverage = seen.coverage(range_m);
+        let gaps = gaps_of(&setup.bays, &grid, &coverage, &summands_m6);
         let disturbed_cells = turns.flagged.cells().collect();
         round.newest.adjoints_m2 = adjoints.into_iter().map(|adjoint| adjoint.q).collect();
         let surface = HeightMap { at: self.at, grid, mean_m, sigma_m, disturbed_cells };
         Ok(SolvedSurface {
             accounts,
             surface,
-            coverage: seen.coverage(range_m),
+            coverage,
             n_beams_refused: turns.n_beams_left_out + round.data.n_refused,
             disturbed: turns.flagged.areas(&grid),
+            gaps,
             newest: Some(Arc::new(round.newest)),
         })
     }
+}
+
+/// By node, its summand of the variance of Σ w h, m⁶.
+fn summands(w_m2: &[f64], q: &[f64]) -> Vec<f64> {
+    std::iter::zip(w_m2, q).map(|(w, q)| w * q).collect()
+}
+
+fn gaps_of(
+    bays: &Bays,
+    grid: &GridGeometry,
+    coverage: &[CellCoverage],
+    summands_m6: &[f64],
+) -> Vec<Gap> {
+    let whole = bays.first();
+    whole
+        .map_or_else(Vec::new, |whole| gaps(grid, &whole.base.cell_areas_m2, coverage, summands_m6))
 }
 
 impl SolveField {

@@ -14,6 +14,7 @@ fn inputs(seconds: f64) -> Inputs {
         has_lidar: true,
         battery_ratio: Some(0.9),
         has_plan: true,
+        has_gaps: false,
         is_plan_done: false,
         is_plan_complete: true,
         heading_error_rad: Some(0.1),
@@ -450,4 +451,28 @@ fn late_samples_hold_shortly_and_land() {
     assert_eq!(mission.phase(), Phase::Hold);
     mission.step(&late(21.1), &mut effects);
     assert_eq!(mission.phase(), Phase::Land);
+}
+
+#[test]
+fn a_flight_into_gaps_needs_gaps_and_is_not_the_other_start() {
+    let mut effects = Vec::new();
+    let mut mission = Mission::new(Settings::default());
+    assert!(!mission.on_operator(OperatorVerb::FlyGaps, &inputs(0.0), &mut effects));
+    assert!(effects.is_empty() && mission.phase() == Phase::Idle);
+    let with_gaps = |seconds| Inputs { has_gaps: true, ..inputs(seconds) };
+    assert!(mission.on_operator(OperatorVerb::FlyGaps, &with_gaps(1.0), &mut effects));
+    assert!(mission.phase() == Phase::Preflight && mission.is_into_gaps());
+    // A repetition is under way already; a survey from the beginning is something else.
+    assert!(mission.on_operator(OperatorVerb::FlyGaps, &with_gaps(2.0), &mut effects));
+    assert!(!mission.on_operator(OperatorVerb::Start, &with_gaps(2.0), &mut effects));
+    assert!(mission.is_into_gaps(), "the refused wish changed nothing");
+    assert!(mission.on_operator(OperatorVerb::Return, &with_gaps(3.0), &mut effects));
+    assert!(mission.on_operator(OperatorVerb::Start, &with_gaps(4.0), &mut effects));
+    assert!(!mission.is_into_gaps());
+    assert!(!mission.on_operator(OperatorVerb::FlyGaps, &with_gaps(5.0), &mut effects));
+    // In the air nobody begins another flight.
+    let mut mission = surveying();
+    let in_the_air = Inputs { has_gaps: true, ..flying(11.0) };
+    assert!(!mission.on_operator(OperatorVerb::FlyGaps, &in_the_air, &mut effects));
+    assert!(mission.phase() == Phase::Survey && !mission.is_into_gaps());
 }

@@ -40,7 +40,7 @@ fn a_full_disk_is_counted_and_blocks_nobody() {
 fn fill_a_disk_of(room: u64) {
     let disk = SmallDisk { bytes: Cursor::default(), room };
     let log = LogWriter::begin(BufWriter::new(disk), &LogHeader::default()).unwrap();
-    let mut recorder = Recorder::spawn(log, || Ok(())).unwrap();
+    let mut recorder = Recorder::spawn(log, None, || Ok(())).unwrap();
     for n in 0..3000 {
         recorder.event(Stamp::from_nanos(n), &tick(n * n * 7919));
     }

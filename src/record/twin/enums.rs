@@ -73,6 +73,7 @@ pub(super) enum TakeOffTwin {
 #[serde(remote = "OperatorVerb", rename_all = "snake_case")]
 pub(super) enum OperatorVerbTwin {
     Start,
+    FlyGaps,
     Hold,
     Resume,
     Return,

@@ -6,11 +6,11 @@ use crate::lidar::{LidarHealth, LidarStatus};
 use crate::mapping::statement::{COVERAGE_FACTOR, Statement};
 use crate::messages::{FlightMode, Room, VolumeAccount};
 use crate::mission::Phase;
-use crate::pilot::Outlook;
+use crate::pilot::{OfferedGap, Outlook};
 use crate::web::advice;
 use crate::web::state::{
-    Battery, Camera, Check, Computer, Fix, Level, Lidar, Link, Pose, Review, Source, State, Target,
-    Viewers, Volume,
+    Battery, Camera, Check, Computer, Fix, Gap, Level, Lidar, Link, Pose, Review, Source, State,
+    Target, Viewers, Volume,
 };
 use std::time::Duration;
 use tokio::time::Instant;
@@ -54,6 +54,7 @@ impl Collector {
             version: env!("CARGO_PKG_VERSION"),
             is_brain_alive,
             phase: phase.name(),
+            is_into_gaps: outlook.is_some_and(|outlook| outlook.is_into_gaps),
             phase_reason: self.phase_reason.clone(),
             flight_s: self.took_off_at.map(|from| {
                 let end = self.landed_at.filter(|_| phase == Phase::Idle);
@@ -232,6 +233,7 @@ impl Collector {
                 verdict: None,
                 is_complete: false,
                 remarks: Vec::new(),
+                gaps: Vec::new(),
             };
         };
         let volumes = self.volumes();
@@ -240,6 +242,7 @@ impl Collector {
             verdict: self.verdict,
             is_complete: ended.is_complete,
             remarks: advice::remarks(ended.is_complete, &volumes, self.target().percent),
+            gaps: self.outlook.as_ref().map_or_else(Vec::new, |o| o.gaps.iter().map(gap).collect()),
         }
     }
 }
@@ -285,6 +288,16 @@ fn expanded_percent(account: &VolumeAccount) -> Option<f64> {
     let estimate = &account.estimate;
     (estimate.volume_m3 > LEAST_VOLUME_M3)
         .then(|| 100.0 * COVERAGE_FACTOR * estimate.sigma_m3 / estimate.volume_m3)
+}
+
+fn gap(gap: &OfferedGap) -> Gap {
+    Gap {
+        centre_m: gap.centre_m,
+        area_m2: gap.area_m2,
+        share: gap.share,
+        bay: gap.bay.clone(),
+        is_in_reach: gap.is_in_reach,
+    }
 }
 
 fn pose(outlook: &Outlook) -> Option<Pose> {

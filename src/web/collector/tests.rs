@@ -6,7 +6,7 @@ use crate::lidar::LidarStatus;
 use crate::messages::{
     GridGeometry, StatusText, VolumeAccount, VolumeBudget, VolumeEstimate, VolumeShares,
 };
-use crate::pilot::PhaseChange;
+use crate::pilot::{OfferedGap, PhaseChange};
 use crate::web::state::Viewers;
 use std::time::Duration;
 
@@ -67,6 +67,8 @@ fn outlook(at_s: i64, phase: Phase) -> Outlook {
         flown_m: 0.0,
         hits: crate::messages::HitCounts::default(),
         storage: None,
+        gaps: std::sync::Arc::default(),
+        is_into_gaps: false,
     }
 }
 
@@ -121,6 +123,45 @@ async fn volumes_are_stated_as_the_gum_wants_and_the_whole_is_not_told_twice() {
     let three = vec![account("hall", 9.0, 1.0), account("a", 4.0, 0.5), account("b", 5.0, 0.9)];
     collector.take(told(three), now);
     assert_eq!(collector.picture(&beside(now)).volumes.len(), 3);
+}
+
+#[tokio::test]
+async fn a_flight_into_the_gaps_keeps_the_page_and_the_decision_until_it_takes_off() {
+    let mut collector = collector();
+    let now = Instant::now();
+    let told = vec![account("hall", 10.0, 1.0)];
+    collector.take(change(Phase::Preflight, Phase::TakeOff, 10), now);
+    collector.take(News::Action(Stamp::ZERO, Action::VolumesAccounted(told.clone())), now);
+    let summary = FlightSummary {
+        at: Stamp::ZERO,
+        volume: told[0].estimate,
+        accounts: told,
+        hits: crate::messages::HitCounts::default(),
+        steps_done: 3,
+        path_length_m: 20.0,
+        is_complete: true,
+    };
+    collector.take(News::Action(Stamp::ZERO, Action::Ended(Box::new(summary))), now);
+    let gap = OfferedGap {
+        centre_m: [3.0, 4.0],
+        area_m2: 2.5,
+        share: 0.4,
+        bay: Some("salt".to_owned()),
+        is_in_reach: true,
+    };
+    let landed = Outlook { gaps: [gap].into(), ..outlook(50, Phase::Idle) };
+    collector.take(News::Outlook(Box::new(landed.clone()), Box::default()), now);
+    let review = collector.picture(&beside(now)).review;
+    assert!(review.is_due && review.gaps[0].is_in_reach && review.gaps[0].area_m2 > 2.4);
+    let checking = Outlook { is_into_gaps: true, phase: Phase::Preflight, ..landed };
+    collector.take(News::Outlook(Box::new(checking), Box::default()), now);
+    collector.take(change(Phase::Idle, Phase::Preflight, 60), now);
+    let picture = collector.picture(&beside(now));
+    // Called off now, it would still wait for a decision.
+    assert!(picture.is_into_gaps && picture.review.is_due && picture.volumes.len() == 1);
+    collector.take(change(Phase::Preflight, Phase::TakeOff, 70), now);
+    let picture = collector.picture(&beside(now));
+    assert!(!picture.review.is_due && picture.volumes.len() == 1 && picture.n_points == 1);
 }
 
 #[tokio::test]

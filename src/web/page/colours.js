@@ -30,10 +30,16 @@ const PALETTES = { height: scale(CIVIDIS), sigma: scale(INFERNO), 'fix-quality':
 /** Range of the values that is shown, and the colour of each. */
 export function palette(map, scene) {
   const known = map.values.filter((value) => value !== null);
+  if (known.length === 0) known.push(0);
   if (map.kind === 'coverage') {
     return { range: null, colour: (value) => rgb(COVERAGE[value].colour) };
   }
   let [low, high] = [Math.min(...known), Math.max(...known)];
+  if (map.kind === 'height') {
+    // A few cells at the border that nobody saw must not take the contrast of all others.
+    const sorted = known.toSorted((a, b) => a - b);
+    [low, high] = [0.01, 0.995].map((share) => sorted[Math.floor(share * (sorted.length - 1))]);
+  }
   if (map.kind === 'sigma') low = 0;
   if (map.kind === 'fix-quality') [low, high] = [0, Math.max(2 * scene.min_fix_quality, high)];
   if (map.kind === 'change') { high = Math.max(Math.abs(low), Math.abs(high), 0.05); low = -high; }

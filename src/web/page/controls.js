@@ -2,12 +2,14 @@
 
 const WAIT_MS = 4000;
 const SHOWN_MS = 8000;
-const NAMES = { start: 'START', hold: 'HOLD', resume: 'RESUME', return: 'RETURN', land: 'LAND HERE' };
+const NAMES = { start: 'START', 'fly-gaps': 'START INTO THE GAPS', hold: 'HOLD', resume: 'RESUME', return: 'RETURN', land: 'LAND HERE' };
 const $ = (id) => document.getElementById(id);
 
 let token = null;
 let newest = null;
 let wasDue = false;
+// What the preflight list leads to: a survey from the beginning, or a flight into the gaps of the last one.
+let startVerb = 'start';
 
 /** Sends a request with the token; gives its status and answer, or a status of 0 without one. */
 async function ask(path, body) {
@@ -78,11 +80,28 @@ function showChecks(state, isOpen) {
     state.phase === 'idle' ? (faults ? `Preflight: ${faults} to mend` : 'Preflight: START …') : 'Preflight list';
   if (!$('preflight-dialog').open) return;
   showList(state.preflight);
+  showStart(state);
   $('start').disabled = !(isOpen && faults === 0 && isSigned() && state.phase === 'idle');
   if (!isOpen) tell($('start-answer'), 'unknown', 'Unlock the controls to start.');
   else if (faults) tell($('start-answer'), 'degraded', 'Mend what is red first.');
   else if (!isSigned()) tell($('start-answer'), 'unknown', 'Say the four things above, then press START.');
   else if (!$('start').dataset.state) tell($('start-answer'), 'good', 'Ready.');
+}
+
+const inReach = (state) => state.review.gaps.filter((gap) => gap.is_in_reach);
+const plural = (n, word) => `${n} ${word}${n === 1 ? '' : 's'}`;
+
+/** What START would do, in words. */
+function showStart(state) {
+  const isIntoGaps = startVerb === 'fly-gaps';
+  const n = inReach(state).length;
+  const text = isIntoGaps
+    ? `START flies into ${plural(n, 'gap')} and goes on with the map of the last flight.`
+    : n ? 'START measures everything anew: the map of the last flight is let go. Its gaps are flown from “Decide on the flight”.'
+      : '';
+  $('start').textContent = isIntoGaps ? 'START INTO GAPS' : 'START';
+  $('start-what').textContent = text;
+  $('start-what').hidden = text === '';
 }
 
 function showList(checks) {
@@ -105,13 +124,27 @@ function showReview(state, isOpen) {
   if (review.is_due && !wasDue && isOpen && !$('review-dialog').open) $('review-dialog').showModal();
   wasDue = review.is_due;
   for (const id of ['accept', 'reject']) $(id).disabled = !isOpen;
-  $('fly-gaps').hidden = true;
+  const gaps = inReach(state);
+  $('fly-gaps').hidden = gaps.length === 0;
+  $('fly-gaps').disabled = !(isOpen && state.phase === 'idle');
+  $('fly-gaps').textContent = gaps.length === 1 ? 'Fly the gap' : `Fly the ${gaps.length} gaps`;
   if (!$('review-dialog').open) return;
   const totals = state.volumes.map((v) => `${v.name}: ${v.stated_m3[0]} ± ${v.stated_m3[1]} m³ (k = 2)`);
   $('review-summary').textContent = totals.join('\n');
   const remarks = review.remarks.length ? review.remarks : ['nothing speaks against accepting it'];
   if ($('review-remarks').textContent !== remarks.join('')) {
     $('review-remarks').replaceChildren(...remarks.map((text) =>
+      Object.assign(document.createElement('li'), { textContent: text })));
+  }
+  const left = review.gaps.map((gap, k) => {
+    const [x, y] = gap.centre_m.map((place) => place.toFixed(1));
+    const share = Math.round(100 * gap.share);
+    return `${k + 1}. ${gap.bay ? `${gap.bay}, ` : ''}x ${x} m, y ${y} m: ${gap.area_m2.toFixed(1)} m², ${share < 1 ? 'under 1' : share} % of the variance${gap.is_in_reach ? '' : ' — out of reach'}`;
+  });
+  $('review-gaps').hidden = left.length === 0;
+  if ($('review-gap-list').dataset.of !== left.join()) {
+    $('review-gap-list').dataset.of = left.join();
+    $('review-gap-list').replaceChildren(...left.map((text) =>
       Object.assign(document.createElement('li'), { textContent: text })));
   }
   if (!isOpen) tell($('review-answer'), 'unknown', 'Unlock the controls to decide.');
@@ -143,6 +176,15 @@ async function unlock(event) {
   }
 }
 
+/** The list before the motors turn; everything on it is said anew each time. */
+function openPreflight(verb) {
+  startVerb = verb;
+  delete $('start').dataset.state;
+  for (const box of $('signed').querySelectorAll('input')) box.checked = false;
+  $('preflight-dialog').showModal();
+  show(newest);
+}
+
 /** Connects the buttons. */
 export function connect() {
   for (const button of document.querySelectorAll('.buttons .act, #resume')) {
@@ -153,15 +195,15 @@ export function connect() {
     else $('token-dialog').showModal();
   });
   $('token-form').addEventListener('submit', unlock);
-  $('open-preflight').addEventListener('click', () => {
-    for (const box of $('signed').querySelectorAll('input')) box.checked = false;
-    $('preflight-dialog').showModal();
-    show(newest);
+  $('open-preflight').addEventListener('click', () => openPreflight('start'));
+  $('fly-gaps').addEventListener('click', () => {
+    $('review-dialog').close();
+    openPreflight('fly-gaps');
   });
   $('preflight-close').addEventListener('click', () => $('preflight-dialog').close());
   $('signed').addEventListener('change', () => show(newest));
   $('start').addEventListener('click', async () => {
-    if (await wish('start', $('start'), $('start-answer'))) {
+    if (await wish(startVerb, $('start'), $('start-answer'))) {
       tell($('answer'), 'good', $('start-answer').textContent);
       $('preflight-dialog').close();
     }

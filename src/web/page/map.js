@@ -91,7 +91,7 @@ export class MapView {
   }
 
   drawFlight(to, px) {
-    const { path, ahead, pose, cut } = this.moving;
+    const { path, ahead, pose, cut, gaps } = this.moving;
     polyline(to, px, path, '#06090d', 4.5);
     polyline(to, px, path, INK, 2);
     if (pose) polyline(to, px, [pose.place_m, ...ahead], '#6cc3f5', 2, [5, 5]);
@@ -104,6 +104,7 @@ export class MapView {
       line(to, [[a, y], [b, y]], '#f1f5f9', 1.5, [2, 4]);
     }
     if (pose) vehicle(to, px(...pose.place_m), pose);
+    gaps.forEach((gap, k) => numbered(to, px(...gap.centre_m), k + 1, gap.is_in_reach));
   }
 }
 
@@ -193,6 +194,20 @@ function vehicle(to, [x, y], pose) {
   to.restore();
 }
 
+/** A gap's number at its middle; dashed where no flight could look into it. */
+function numbered(to, [x, y], number, isInReach) {
+  to.beginPath();
+  to.arc(x, y, 13, 0, 2 * Math.PI);
+  Object.assign(to, { fillStyle: '#06090d', strokeStyle: '#ff8a5c', lineWidth: 2.5 });
+  to.fill();
+  to.setLineDash(isInReach ? [] : [3, 3]);
+  to.stroke();
+  to.setLineDash([]);
+  Object.assign(to, { font: '700 14px system-ui, sans-serif', textAlign: 'center', textBaseline: 'middle', fillStyle: INK });
+  to.fillText(String(number), x, y + 1);
+  to.textBaseline = 'alphabetic';
+}
+
 function scaleBar(to, scale, width, height) {
   const metres = [0.5, 1, 2, 5, 10, 20, 50].find((m) => m * scale > 60) ?? 100;
   const [x, y] = [width - 16 - metres * scale, height - 14];
@@ -231,6 +246,7 @@ export function legend(to, map, scene) {
     paper.fillStyle = css(colour(low + (k / 179) * (high - low)));
     paper.fillRect(k, 0, 1, 1);
   }
+  if (map.against) key(`since: ${map.against}`);
   const [digits, factor, unit] = { height: [1, 1, 'm'], sigma: [0, 100, 'cm (1 σ)'], 'fix-quality': [0, 1, ''], change: [0, 100, 'cm'] }[map.kind];
   key((factor * low).toFixed(digits).replace(/^-(0\.?0*)$/, '$1'));
   to.append(bar);

@@ -51,6 +51,7 @@ const or = (value, text) => (value === null || value === undefined ? '–' : tex
 
 function showStrip(state) {
   $('phase').textContent = state.phase;
+  $('phase').dataset.intoGaps = String(state.is_into_gaps && state.phase !== 'idle');
   $('phase-reason').textContent = state.phase_reason;
   $('flight-time').textContent = or(state.flight_s, clock);
   const [done, ahead] = state.steps;
@@ -71,6 +72,8 @@ function showAlarms(warnings) {
 }
 
 const ARROWS = { '-1': '↓', 0: '→', 1: '↑' };
+// As reports call them.
+const SOURCE_NAMES = { prior: 'gaps' };
 const SHARE_NAMES = ['measured', 'interpolated', 'never seen', 'moved'];
 
 function volumeCard(volume, target, { isFinal, isFlying, isAll, isAlone }) {
@@ -83,7 +86,7 @@ function volumeCard(volume, target, { isFinal, isFlying, isAll, isAlone }) {
   if (volume.stated_t) {
     card.append(element('p', 'tonnes', `${grouped(volume.stated_t[0])} ± ${grouped(volume.stated_t[1])} t`));
   }
-  card.append(aim(volume, target, { isFinal, isFlying }));
+  card.append(aim(volume, target, { isFinal, isFlying, isWhole: isAll || isAlone }));
   const bar = element('div', 'shares');
   volume.shares.forEach((share, k) => {
     const part = element('i', `s${k}`);
@@ -92,12 +95,12 @@ function volumeCard(volume, target, { isFinal, isFlying, isAll, isAlone }) {
   });
   const words = volume.shares.map((share, k) => (share >= 0.005 ? `${SHARE_NAMES[k]} ${percent(share)}` : ''));
   card.append(bar, element('p', 'share-words', words.filter(Boolean).join(' · ')));
-  const sources = volume.sources.filter(({ share }) => share >= 0.005).map(({ name, share }) => `${name.replaceAll('_', ' ')} ${percent(share)}`);
+  const sources = volume.sources.filter(({ share }) => share >= 0.005).map(({ name, share }) => `${SOURCE_NAMES[name] ?? name.replaceAll('_', ' ')} ${percent(share)}`);
   if (sources.length) card.append(element('p', 'sources', `U comes from: ${sources.join(', ')}`));
   return card;
 }
 
-function aim(volume, target, { isFinal, isFlying }) {
+function aim(volume, target, { isFinal, isFlying, isWhole }) {
   const line = element('p', 'aim');
   if (volume.expanded_percent === null) {
     line.textContent = 'too little for a percentage';
@@ -106,7 +109,8 @@ function aim(volume, target, { isFinal, isFlying }) {
   const isMet = volume.expanded_percent <= target.percent;
   const now = element('b', isMet ? 'met' : 'unmet', `${fewDigits(volume.expanded_percent)}\u00a0%${isFinal ? '' : `\u00a0${ARROWS[volume.trend]}`}`);
   line.append('U\u00a0', now, ` ${isFinal ? 'reached' : 'now'}, target\u00a0${target.percent.toFixed(1)}\u00a0%${isMet ? '\u00a0✓' : ''}`);
-  if (isFlying && target.left_s !== null) line.append(`, about\u00a0${about(target.left_s)}\u00a0left`);
+  // The time is that of the whole way ahead; a bay that has reached its target needs none of it.
+  if (isFlying && target.left_s !== null && (isWhole || !isMet)) line.append(`, about\u00a0${about(target.left_s)}\u00a0left`);
   return line;
 }
 
@@ -118,7 +122,7 @@ function showVolumes(state) {
   const isFlying = !['idle', 'preflight', 'land', 'abort'].includes(state.phase);
   // The whole stands first and over the whole width, its bays below.
   const cards = state.volumes.map((volume, k) => volumeCard(volume, state.target, {
-    isFinal: state.is_final, isFlying: isFlying && k === 0, isAll: n > 2 && k === 0, isAlone: n === 1,
+    isFinal: state.is_final, isFlying, isAll: n > 2 && k === 0, isAlone: n === 1,
   }));
   box.replaceChildren($('no-volume'), ...cards);
 }
@@ -189,7 +193,7 @@ async function refresh(state) {
 }
 
 function grow(state) {
-  if (state.phase === 'preflight') series.path_m = [];
+  if (state.phase === 'preflight' && !state.is_into_gaps) series.path_m = [];
   const flying = !['idle', 'preflight'].includes(state.phase);
   const last = series.path_m.at(-1);
   const place = state.pose?.place_m;
@@ -198,11 +202,11 @@ function grow(state) {
 
 function showStage(state) {
   const map = maps[wantedMap()] ?? null;
-  const moving = { path: series.path_m, ahead: state.ahead_m, pose: state.pose, cut };
+  const moving = { path: series.path_m, ahead: state.ahead_m, pose: state.pose, cut, gaps: state.review.gaps };
   $('map').hidden = tab === 'surface';
   $('surface').hidden = tab !== 'surface';
   const { place_m: place, yaw_rad: yaw, is_trusted: trusted } = state.pose ?? {};
-  const seen = [place?.map((x) => x.toFixed(2)), yaw?.toFixed(2), trusted, state.ahead_m.length, series.path_m.length, cut];
+  const seen = [place?.map((x) => x.toFixed(2)), yaw?.toFixed(2), trusted, state.ahead_m.length, series.path_m.length, cut, state.review.gaps.length];
   if (isNew('stage', [tab, surface !== null, map?.version, seen])) {
     if (tab === 'surface') surface?.show(map, moving);
     else view.show(map, moving);

@@ -43,6 +43,8 @@ impl Modify for TokenScheme {
 pub(in crate::web) enum Verb {
     /// Begin a survey from the ground.
     Start,
+    /// Begin another flight of the same survey from the ground, into its gaps.
+    FlyGaps,
     /// Stop and keep the place.
     Hold,
     /// Go on after a hold.
@@ -56,7 +58,7 @@ pub(in crate::web) enum Verb {
 impl Verb {
     /// Motors begin to turn or the vehicle moves on: only with a fresh picture.
     const fn needs_fresh_eyes(self) -> bool {
-        matches!(self, Self::Start | Self::Resume)
+        matches!(self, Self::Start | Self::FlyGaps | Self::Resume)
     }
 }
 
@@ -64,6 +66,7 @@ impl From<Verb> for OperatorVerb {
     fn from(verb: Verb) -> Self {
         match verb {
             Verb::Start => Self::Start,
+            Verb::FlyGaps => Self::FlyGaps,
             Verb::Hold => Self::Hold,
             Verb::Resume => Self::Resume,
             Verb::Return => Self::Return,
@@ -76,7 +79,7 @@ impl From<Verb> for OperatorVerb {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub(in crate::web) struct Seen {
-    /// `seq` of the newest state that the person saw; needed to start and to resume.
+    /// `seq` of the newest state that the person saw; needed to start, to fly the gaps and to resume.
     seq: Option<u64>,
 }
 

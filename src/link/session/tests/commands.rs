@@ -115,6 +115,43 @@ fn people_are_heard_and_answered() {
 }
 
 #[test]
+fn a_start_says_by_its_first_parameter_what_it_starts() {
+    let start = |param1| {
+        let mut scene = Scene::heard();
+        let MavMessage::COMMAND_LONG(data) =
+            user_command((7, OWN_COMPONENT), MavCmd::MAV_CMD_USER_1)
+        else {
+            panic!("another message")
+        };
+        scene.hears(
+            PEOPLE,
+            MavMessage::COMMAND_LONG(wire::COMMAND_LONG_DATA { param1, ..data }),
+            10,
+        );
+        let verb = match scene.told().as_slice() {
+            [Event::Operator(command)] => Some(command.verb),
+            _ => None,
+        };
+        (verb, scene.sent().len())
+    };
+    assert_eq!(start(0.0), (Some(OperatorVerb::Start), 0));
+    assert_eq!(start(f32::NAN), (Some(OperatorVerb::Start), 0));
+    assert_eq!(start(1.0), (Some(OperatorVerb::FlyGaps), 0));
+    // No motors by a number that means nothing: unsupported, and said so.
+    assert_eq!(start(2.0), (None, 1));
+    let gaps = OperatorAnswer {
+        verb: OperatorVerb::FlyGaps,
+        to: OperatorRequest { system: 255, component: 190 },
+        is_accepted: true,
+    };
+    let mut scene = Scene::heard();
+    scene.acts(&Action::Answer(gaps), 20);
+    let sent = scene.sent();
+    let [MavMessage::COMMAND_ACK(data)] = sent.as_slice() else { panic!("{sent:?}") };
+    assert_eq!(data.command, MavCmd::MAV_CMD_USER_1);
+}
+
+#[test]
 fn commands_to_others_are_ignored_and_unknown_ones_unsupported() {
     let mut scene = Scene::heard();
     for target in [(7, 1), (7, 192), (7, 0), (0, 0), (8, OWN_COMPONENT)] {
