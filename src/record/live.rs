@@ -23,12 +23,14 @@ use std::net::SocketAddr;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
-use tokio_util::sync::CancellationToken;
+use tokio_util::sync::{CancellationToken, DropGuard};
 
 /// Messages that wait for one viewer; beyond that the oldest are dropped.
 const BACKLOG: usize = 1_024;
 /// Viewers that have not closed by then are left behind.
 const END_WITHIN: Duration = Duration::from_millis(500);
+/// Viewers have so long to take what was written last.
+const LAST_WORDS_WITHIN: Duration = Duration::from_millis(200);
 /// How much the viewers stand back behind flying, as in `nice`.
 const NICENESS: i32 = 10;
 
@@ -54,6 +56,7 @@ struct Kept {
 pub struct RunningLive {
     address: SocketAddr,
     thread: JoinHandle<()>,
+    stop: DropGuard,
 }
 
 impl RunningLive {
@@ -63,8 +66,9 @@ impl RunningLive {
         self.address
     }
 
-    /// Waits until it has ended. Blocks.
+    /// Ends it, and waits until it has ended. Blocks. Call it when the last entry has been written.
     pub fn join(self) {
+        drop(self.stop);
         if self.thread.join().is_err() {
             tracing::error!("the thread of the live log died");
         }
@@ -72,11 +76,13 @@ impl RunningLive {
 }
 
 impl LiveView {
-    /// Serves the channels at an address, until `stop`.
+    /// Serves the channels at an address until the other half is joined or dropped.
     ///
     /// # Errors
     /// The address cannot be had, or there is no thread.
-    pub fn serve(listen: SocketAddr, stop: CancellationToken) -> io::Result<(Self, RunningLive)> {
+    pub fn serve(listen: SocketAddr) -> io::Result<(Self, RunningLive)> {
+        let stop = CancellationToken::new();
+        let guard = stop.clone().drop_guard();
         let context = Context::new();
         let view = Self::new(&context).map_err(io::Error::other)?;
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
@@ -98,6 +104,8 @@ impl LiveView {
                     Ok(server) => {
                         drop(bound_tx.send(Ok(SocketAddr::new(listen.ip(), server.port()))));
                         stop.cancelled().await;
+                        // What was written last is still on its way to the viewers.
+                        tokio::time::sleep(LAST_WORDS_WITHIN).await;
                         // A viewer that takes nothing does not keep the program from its end.
                         let closed = tokio::time::timeout(END_WITHIN, server.stop().wait()).await;
                         tracing::debug!(all_closed = closed.is_ok(), "the live log ends");
@@ -108,7 +116,7 @@ impl LiveView {
         })?;
         let lost = |_| io::Error::other("the thread of the live log died");
         let address = bound.recv().map_err(lost)??;
-        Ok((view, RunningLive { address, thread }))
+        Ok((view, RunningLive { address, thread, stop: guard }))
     }
 
     fn new(context: &Arc<Context>) -> Result<Self, Box<dyn std::error::Error + Send + Sync>> {

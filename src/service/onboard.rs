@@ -114,7 +114,7 @@ impl Onboard {
         let lidar = Driver::start(lidar, move || lidar_clock.now(), scans_tx, &stop)?;
         let shelf = config.storage_settings()?;
         let log = log_path(&shelf.folder);
-        let (live, running_live) = start_live(config.foxglove_address()?, &stop).unzip();
+        let (live, running_live) = start_live(config.foxglove_address()?).unzip();
         let begun = begin_log(&log, &header(config, clock.now())?, live);
         let health = begun.as_ref().map(record::Recorder::health);
         let recorder: Box<dyn super::Recorder> = match begun {
@@ -304,12 +304,9 @@ fn start_page(
 }
 
 /// A flight does not depend on who looks at its log.
-fn start_live(
-    listen: Option<SocketAddr>,
-    stop: &CancellationToken,
-) -> Option<(record::LiveView, record::RunningLive)> {
+fn start_live(listen: Option<SocketAddr>) -> Option<(record::LiveView, record::RunningLive)> {
     let address = listen?;
-    match record::LiveView::serve(address, stop.child_token()) {
+    match record::LiveView::serve(address) {
         Ok(live) => Some(live),
         Err(error) => {
             tracing::error!(%error, %address, "there is no live log");
