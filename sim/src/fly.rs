@@ -210,7 +210,7 @@ async fn join_driven(onboard: Onboard, driver: &ClockDriver) -> anyhow::Result<(
 }
 
 /// What the comparison of clocks over sockets leaves, s: round trips wait for the scheduler.
-const CLOCKS_SIGMA_S: f64 = 1e-3;
+pub(crate) const CLOCKS_SIGMA_S: f64 = 1e-3;
 
 /// The configuration beside the log, for `stockpilot run` and for curious people.
 fn write_config(config: &Config, log: &Path) -> anyhow::Result<()> {

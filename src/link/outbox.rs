@@ -198,10 +198,10 @@ mod tests {
     fn what_keeps_the_vehicle_safe_leaves_first_and_fresh() {
         let mut outbox = Outbox::default();
         for n in 0..3_u8 {
-            let _ = outbox.put(value(n.into()));
-            let _ = outbox.put(odometry(n.into()));
-            let _ = outbox.put(setpoint(n.into()));
-            let _ = outbox.put(command(n));
+            outbox.put(value(n.into()));
+            outbox.put(odometry(n.into()));
+            outbox.put(setpoint(n.into()));
+            outbox.put(command(n));
         }
         assert_eq!(outbox.len(), 3 + 1 + 1 + 3);
         let left: Vec<_> = std::iter::from_fn(|| outbox.take()).collect();
@@ -226,7 +226,7 @@ mod tests {
         }
         let mut left = Vec::new();
         for n in 0..6 {
-            let _ = outbox.put(odometry(n));
+            outbox.put(odometry(n));
             left.extend(outbox.take());
         }
         let n_values =
@@ -255,7 +255,7 @@ mod tests {
         for ms in 0..1_000_i64 {
             let now = Stamp::from_nanos(ms * 1_000_000);
             while pace.open_from() <= now {
-                let _ = pace.hand_over(now, 64);
+                pace.hand_over(now, 64);
                 n_bytes += 64;
             }
         }

@@ -23,8 +23,8 @@ pub struct Settings {
     pub take_off_timeout: Duration,
     /// Without a pose for this long in a hold, it lands.
     pub land_after_fix_lost: Duration,
-    /// From samples that come late to [`Land`](super::Phase::Land): the autopilot gets no place that it can use, so
-    /// waiting in the air drifts.
+    /// From samples that come late to [`Land`](super::Phase::Land): the autopilot gets no place that
+    /// it can use, so waiting in the air drifts.
     pub land_after_late: Duration,
     /// A recovered pose or LiDAR must stay this long before the flight goes on.
     pub recovered_after: Duration,

@@ -8,43 +8,40 @@ use std::time::Duration;
 
 /// At 2 m/s a vehicle goes 0.3 m meanwhile.
 const LATE_AFTER: Duration = Duration::from_millis(150);
-/// Without a new one for this long none comes at all: that is silence, which has rules of its own.
-const SILENT_AFTER: Duration = Duration::from_millis(120);
 /// One hiccup of a computer is no slow line.
 const LATE_FOR: Duration = Duration::from_millis(250);
 
 /// How the samples have kept up so far.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct SampleLag {
+    newest: Option<Stamp<Mono>>,
     on_time_at: Option<Stamp<Mono>>,
-    /// The newest sample, and when it was first looked at.
-    newest: Option<(Stamp<Mono>, Stamp<Mono>)>,
     is_late: bool,
 }
 
 impl SampleLag {
     /// Looks at the newest sample's stamp, once per tick. Says how old it is when the samples have
     /// just become late.
+    ///
+    /// Only a sample that arrives can be late: without any, other rules know that the place is lost.
     pub(super) fn look(
         &mut self,
         now: Stamp<Mono>,
         newest: Option<Stamp<Mono>>,
     ) -> Option<Duration> {
-        let newest = newest?;
-        let age = now.since(newest);
-        let seen_at = match self.newest {
-            Some((known, seen_at)) if known == newest => seen_at,
-            _ => now,
-        };
-        self.newest = Some((newest, seen_at));
+        let has_arrived = newest != self.newest;
+        self.newest = newest;
+        let age = now.since(newest?);
         if age <= LATE_AFTER {
             self.on_time_at = Some(now);
+            self.is_late = false;
+            return None;
         }
         // Before the first one that was on time there is no place either.
-        let was_late = self.is_late;
-        self.is_late = now.since(seen_at) <= SILENT_AFTER
-            && self.on_time_at.is_some_and(|on_time_at| now.since(on_time_at) > LATE_FOR);
-        (self.is_late && !was_late).then_some(age)
+        let is_lasting = self.on_time_at.is_some_and(|at| now.since(at) > LATE_FOR);
+        let becomes_late = has_arrived && is_lasting && !self.is_late;
+        self.is_late |= becomes_late;
+        becomes_late.then_some(age)
     }
 
     /// True while nothing may be flown by them.

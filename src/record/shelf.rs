@@ -166,14 +166,14 @@ impl Shelf {
     /// reported is touched.
     ///
     /// # Errors
-    /// What the system says of the folder, or of a file that cannot be read or deleted.
+    /// What the system says of the folder, or of a file that cannot be deleted.
     pub fn make_room(
         &mut self,
         mut is_enough: impl FnMut() -> bool,
     ) -> io::Result<Vec<ShelvedLog>> {
         let mut logs = shelved_logs(&self.folder)?;
         logs.retain(|log| log.path != self.current);
-        self.look_into(&mut logs)?;
+        self.look_into(&mut logs);
         let mut deleted = Vec::new();
         for standing in [Standing::Empty, Standing::Reported] {
             for log in logs.iter().filter(|log| log.standing == standing) {
@@ -191,12 +191,13 @@ impl Shelf {
     }
 
     /// Finds the logs without a flight among those that nobody has looked into.
-    fn look_into(&mut self, logs: &mut [ShelvedLog]) -> io::Result<()> {
+    fn look_into(&mut self, logs: &mut [ShelvedLog]) {
         for log in logs.iter_mut().filter(|log| log.standing == Standing::Kept) {
             if self.flown.contains(&log.path) {
                 continue;
             }
-            if has_flown(&log.path)? {
+            // One that cannot be read is kept, and the others are looked into all the same.
+            if has_flown(&log.path).unwrap_or(true) {
                 self.flown.insert(log.path.clone());
                 continue;
             }
@@ -206,7 +207,6 @@ impl Shelf {
                 tracing::debug!(%error, log = %log.path.display(), "not marked as empty");
             }
         }
-        Ok(())
     }
 }
 

@@ -2,7 +2,8 @@
 
 use crate::mapping;
 use crate::mapping::base::BaseSurface;
-use crate::messages::{GridGeometry, HeightMap};
+use crate::mapping::surveyed_base::{SurveyedBase, SurveyedBaseError};
+use crate::messages::GridGeometry;
 use crate::record::replay::ReplayError;
 use crate::record::{read_accounts, read_times};
 use std::path::{Path, PathBuf};
@@ -33,6 +34,14 @@ pub(super) enum EarlierError {
         /// Which.
         path: PathBuf,
     },
+    /// Its surface is none.
+    #[error("{}: {source}", path.display())]
+    BrokenSurface {
+        /// Which.
+        path: PathBuf,
+        /// Why.
+        source: SurveyedBaseError,
+    },
     /// It is of another place.
     #[error("{}: its map does not overlap this hall's", path.display())]
     Elsewhere {
@@ -48,6 +57,8 @@ impl Earlier {
         let unread = |source| EarlierError::Log { path: path(), source };
         let surface = read_accounts(log).map_err(unread)?.surface;
         let surface = surface.ok_or_else(|| EarlierError::NoSurface { path: path() })?;
+        let surface = SurveyedBase::from_map(&surface, 0.0)
+            .map_err(|source| EarlierError::BrokenSurface { path: path(), source })?;
         let heights_m = on_cells(&surface, grid);
         if heights_m.iter().all(Option::is_none) {
             return Err(EarlierError::Elsewhere { path: path() });
@@ -76,43 +87,25 @@ impl Earlier {
     }
 }
 
-/// A surface between the centres of its cells, linear along either axis; nothing beyond its outermost
-/// cells.
-fn on_cells(surface: &HeightMap, grid: &GridGeometry) -> Vec<Option<f64>> {
+/// A surface on other cells; nothing beyond its own.
+fn on_cells(surface: &SurveyedBase, grid: &GridGeometry) -> Vec<Option<f64>> {
     (0..grid.n_cells())
         .map(|cell| {
             let (x_m, y_m) = grid.centre_m(cell);
-            height_at(surface, x_m, y_m)
+            surface.has_height(x_m, y_m).then(|| surface.height_m(x_m, y_m))
         })
         .collect()
-}
-
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    clippy::cast_precision_loss,
-    reason = "the place lies in the grid"
-)]
-fn height_at(surface: &HeightMap, x_m: f64, y_m: f64) -> Option<f64> {
-    let grid = &surface.grid;
-    grid.cell_at(x_m, y_m)?;
-    let split = |at: f64, n: usize| {
-        let at = at.clamp(0.0, (n - 1) as f64);
-        let low = (at.floor() as usize).min(n.saturating_sub(2));
-        (low, (low + 1).min(n - 1), at - low as f64)
-    };
-    let (left, right, u) = split((x_m - grid.x_min_m) / grid.cell_m - 0.5, grid.n_cols);
-    let (below, above, v) = split((y_m - grid.y_min_m) / grid.cell_m - 0.5, grid.n_rows);
-    let of = |col, row| surface.mean_m[grid.index(col, row)];
-    let along = |row| of(left, row) * (1.0 - u) + of(right, row) * u;
-    let height_m = along(below) * (1.0 - v) + along(above) * v;
-    height_m.is_finite().then_some(height_m)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::messages::HeightMap;
     use crate::time::Stamp;
+
+    fn resampled(earlier: &HeightMap, grid: &GridGeometry) -> Vec<Option<f64>> {
+        on_cells(&SurveyedBase::from_map(earlier, 0.0).unwrap(), grid)
+    }
 
     /// z = 1 + 0.5 x − 0.25 y at the centres of the cells.
     fn plane(x_min_m: f64, cell_m: f64, n: usize) -> HeightMap {
@@ -132,7 +125,7 @@ mod tests {
         let earlier = plane(0.0, 0.4, 12);
         // Cells of another size, reaching beyond the earlier map on the right.
         let now = plane(1.1, 0.25, 20);
-        let found = on_cells(&earlier, &now.grid);
+        let found = resampled(&earlier, &now.grid);
         let mut n_known = 0;
         for (cell, height_m) in found.iter().enumerate() {
             let (x, y) = now.grid.centre_m(cell);
@@ -151,7 +144,7 @@ mod tests {
     #[test]
     fn the_same_cells_give_the_same_numbers() {
         let earlier = plane(0.3, 0.25, 9);
-        let found = on_cells(&earlier, &earlier.grid);
+        let found = resampled(&earlier, &earlier.grid);
         for (found, known) in std::iter::zip(found, &earlier.mean_m) {
             assert!((found.unwrap() - known).abs() < 1e-12);
         }

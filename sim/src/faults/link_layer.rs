@@ -162,7 +162,7 @@ impl SlowLine {
         sent: Vec<Addressed>,
     ) -> Vec<(Stamp<Mono>, Addressed)> {
         for (header, message) in sent {
-            let _placed = self.outbox.put(Outgoing { header, message });
+            self.outbox.put(Outgoing { header, message });
         }
         let mut left = Vec::new();
         while self.to_autopilot.open_from() <= now

@@ -1,6 +1,7 @@
 //! The devices that the service opens.
 
 use crate::camera::detections_line;
+use crate::fly::CLOCKS_SIGMA_S;
 use crate::hall::{self, config};
 use crate::lidar::{LineFaults, Optics, SerialLidar};
 use crate::rig::Rig;
@@ -16,9 +17,6 @@ use stockpilot::config::PageSection;
 use stockpilot::messages::TagDetections;
 use stockpilot::stats::SeedBook;
 use stockpilot::time::{Mono, Stamp};
-
-/// What the comparison of clocks over sockets leaves, s: round trips wait for the scheduler.
-const CLOCKS_SIGMA_S: f64 = 1e-3;
 
 /// The far ends of the service's links.
 pub(super) struct Devices {

@@ -1,11 +1,10 @@
 //! Another flight of the same survey, into what the first one left out.
 
-use crate::support::short_survey;
+use crate::support::{short_survey, timeless};
 use mavlink::dialects::ardupilotmega::MavCmd;
 use std::path::Path;
 use std::time::Duration;
 use stockpilot::config::{Config, SurfaceName};
-use stockpilot::messages::VolumeAccount;
 use stockpilot::mission::Phase;
 use stockpilot::pilot::{Action, FlightSummary, Outlook, Pilot};
 use stockpilot::record::replay::replay;
@@ -79,12 +78,6 @@ impl Recorded {
         self.run_until("landing", |f| f.direct.summary().map(|summary| summary.at) != before);
         self.direct.summary().expect("it has landed").clone()
     }
-}
-
-fn timeless(accounts: &[VolumeAccount]) -> Vec<VolumeAccount> {
-    let mut accounts = accounts.to_vec();
-    accounts.iter_mut().for_each(|account| account.estimate.at = Stamp::ZERO);
-    accounts
 }
 
 #[test]

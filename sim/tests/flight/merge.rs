@@ -1,13 +1,11 @@
 //! Maps of several logs as one, and the change between two surveys, through files.
 
-use crate::support::{record, short_survey};
+use crate::support::{record, short_survey, timeless};
 use std::path::{Path, PathBuf};
 use stockpilot::config::{Config, SurfaceName};
 use stockpilot::mapping::change::ChangeVerdict;
-use stockpilot::messages::VolumeAccount;
 use stockpilot::record::read_accounts;
 use stockpilot::survey::{MergeOptions, MergedSurvey, Origin, Survey, compare, merge_logs};
-use stockpilot::time::Stamp;
 use stockpilot_sim::hall::{Devices, config};
 use stockpilot_sim::scenario::Scenario;
 use stockpilot_sim::world::World;
@@ -36,13 +34,6 @@ fn flown(folder: &Path, seed: u64) -> PathBuf {
 fn merge(logs: &[&PathBuf]) -> Result<MergedSurvey, String> {
     let logs: Vec<PathBuf> = logs.iter().map(|log| (*log).clone()).collect();
     merge_logs(&logs, MergeOptions::default()).map_err(|error| error.to_string())
-}
-
-/// Accounts without the time when they were computed.
-fn timeless(accounts: &[VolumeAccount]) -> Vec<VolumeAccount> {
-    let mut accounts = accounts.to_vec();
-    accounts.iter_mut().for_each(|account| account.estimate.at = Stamp::ZERO);
-    accounts
 }
 
 #[test]

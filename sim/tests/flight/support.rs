@@ -4,7 +4,7 @@ use mavlink::dialects::ardupilotmega::{MavCmd, MavMessage};
 use std::path::Path;
 use std::time::Duration;
 use stockpilot::config::Config;
-use stockpilot::messages::VehicleCommand;
+use stockpilot::messages::{VehicleCommand, VolumeAccount};
 use stockpilot::mission::Phase;
 use stockpilot::pilot::{Action, PhaseChange};
 use stockpilot::record::{LogHeader, Recorder};
@@ -144,4 +144,11 @@ fn moves_the_vehicle(command: MavCmd) -> bool {
             | MavCmd::MAV_CMD_NAV_LAND
             | MavCmd::MAV_CMD_NAV_TAKEOFF
     )
+}
+
+/// Accounts without the time when they were computed.
+pub(crate) fn timeless(accounts: &[VolumeAccount]) -> Vec<VolumeAccount> {
+    let mut accounts = accounts.to_vec();
+    accounts.iter_mut().for_each(|account| account.estimate.at = Stamp::ZERO);
+    accounts
 }

@@ -2,6 +2,7 @@
 
 use super::{Counters, count};
 use crate::link::outbox::{Outbox, Outgoing, Placed};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::sync::Notify;
 
@@ -9,7 +10,7 @@ use tokio::sync::Notify;
 struct Shared {
     outbox: Mutex<Outbox>,
     bell: Notify,
-    is_closed: std::sync::atomic::AtomicBool,
+    is_closed: AtomicBool,
 }
 
 impl Shared {
@@ -19,7 +20,7 @@ impl Shared {
     }
 
     fn is_closed(&self) -> bool {
-        self.is_closed.load(std::sync::atomic::Ordering::Acquire)
+        self.is_closed.load(Ordering::Acquire)
     }
 }
 
@@ -57,7 +58,7 @@ impl OutgoingSender {
 
 impl Drop for OutgoingSender {
     fn drop(&mut self) {
-        self.shared.is_closed.store(true, std::sync::atomic::Ordering::Release);
+        self.shared.is_closed.store(true, Ordering::Release);
         self.shared.bell.notify_one();
     }
 }

@@ -143,7 +143,7 @@ async fn write_all<W: AsyncWrite + Unpin, T: Timer>(
         sink.write_all(&frame).await?;
         count(&ends.counters.sent);
         if let Some(pace) = &mut pace {
-            let _left_at = pace.hand_over(ends.timer.now(), frame.len());
+            pace.hand_over(ends.timer.now(), frame.len());
             ends.timer.sleep_until(pace.open_from()).await;
         }
     }

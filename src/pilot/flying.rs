@@ -1,0 +1,300 @@
+//! Between mission and vehicle: what the mission is told, and what its phases make of the trajectory.
+
+use super::gap_offer::GapOffer;
+use super::plan_news::PlanNews;
+use super::{Action, Ending, FlownPath, PhaseChange, Pilot, say};
+use crate::geometry::{Hall, Point};
+use crate::messages::{NavEstimate, OperatorAnswer, OperatorCommand, Severity};
+use crate::mission::{Effect, Inputs, Phase};
+use crate::planning::Waypoint;
+use crate::planning::trajectory::Knot;
+use crate::units::wrapped_rad;
+use nalgebra::Vector3;
+use std::time::Duration;
+
+/// Setpoints are sampled this long ahead: half of the 33 ms that each is in force, and what link
+/// and autopilot take until they act on it. Without it the vehicle lags 7 cm behind at 2 m/s.
+const STEER_LEAD: Duration = Duration::from_millis(30);
+/// Without a beam for this long the LiDAR counts as silent.
+const LIDAR_SILENT_AFTER: Duration = Duration::from_secs(2);
+/// An older battery message says nothing; PX4 sends one every two seconds.
+const BATTERY_OLD_AFTER: Duration = Duration::from_secs(10);
+/// The end of a trajectory counts as reached within this distance, m.
+const AT_TARGET_M: f64 = 0.3;
+/// Disagreements beyond this are told as this, m: squares of absurd places are no numbers.
+const FARTHEST_OFF_M: f64 = 10_000.0;
+/// An older word of the autopilot on its place is not compared with the own one.
+const DISAGREEMENT_OLD_AFTER: Duration = Duration::from_secs(1);
+/// After a declared jump further than this, m, the trajectory begins anew where the vehicle is.
+const JUMP_FOLLOWED_M: f64 = 0.3;
+/// Speed of a landing that the autopilot flies, m/s.
+const LANDING_MPS: f64 = 0.5;
+
+impl Pilot {
+    pub(super) fn watch_samples(&mut self, actions: &mut Vec<Action>) {
+        let newest = self.localizer.last_sample_at();
+        if let Some(age) = self.sample_lag.look(self.now, newest) {
+            let text = format!("autopilot's samples are {:.2} s old", age.as_secs_f64());
+            say(actions, Severity::Warning, text);
+        }
+    }
+
+    pub(super) fn on_operator(&mut self, command: OperatorCommand, actions: &mut Vec<Action>) {
+        let mut effects = Vec::new();
+        let inputs = self.mission_inputs();
+        let is_accepted = self.mission.on_operator(command.verb, &inputs, &mut effects);
+        self.apply(effects, actions);
+        actions.push(Action::Answer(OperatorAnswer {
+            verb: command.verb,
+            to: command.from,
+            is_accepted,
+        }));
+    }
+
+    pub(super) fn run_mission(&mut self, actions: &mut Vec<Action>) {
+        let mut effects = Vec::new();
+        let inputs = self.mission_inputs();
+        self.mission.step(&inputs, &mut effects);
+        self.apply(effects, actions);
+    }
+
+    pub(super) fn mission_inputs(&self) -> Inputs {
+        Inputs {
+            now: self.now,
+            vehicle: self.vehicle,
+            is_autopilot_lost: self.is_autopilot_lost,
+            has_position: self.localizer.is_trusted(self.now) && !self.sample_lag.is_late(),
+            is_late: self.sample_lag.is_late(),
+            has_lidar: self.last_beam_at.is_some_and(|at| self.now.since(at) < LIDAR_SILENT_AFTER),
+            battery_ratio: self
+                .battery
+                .filter(|battery| self.now.since(battery.at) < BATTERY_OLD_AFTER)
+                .map(|battery| battery.remaining_ratio),
+            has_plan: self.route.plan.has_somewhere_to_go(),
+            is_plan_done: self.route.plan.is_done(),
+            is_plan_complete: self.route.plan.is_complete(),
+            has_gaps: self.ending.is_none() && !self.gaps.is_empty(),
+            heading_error_rad: self.localizer.pose().map(|hall_from_body| {
+                let yaw_rad = hall_from_body.rotation.yaw_rad();
+                wrapped_rad(yaw_rad - self.route.settings().yaw_rad)
+            }),
+            position_sigma_m: self.localizer.position_sigma_m(),
+            disagreement_m: self.disagreement_m(),
+            intrusion_m: self.intrusion_m(),
+            way_home_ratio: self.way_home_ratio(),
+            height_over_home_m: self
+                .localizer
+                .pose()
+                .zip(self.home)
+                .map(|(hall_from_body, home)| hall_from_body.origin.coords.z - home.coords.z),
+            is_trajectory_over: self.route.path().reached_end(self.now).is_some(),
+            is_at_target: self.is_at_target(),
+            storage: self.storage,
+        }
+    }
+
+    /// Compares the two places once the inertial samples have reached the autopilot's instant.
+    pub(super) fn compare_with_autopilot(&mut self) {
+        let Some(pose) = self.autopilot_pose else { return };
+        if let Some((own, _)) = self.localizer.pose_at(pose.at) {
+            let off_m = (pose.position.coords - own.origin.coords).norm().min(FARTHEST_OFF_M);
+            self.disagreement = Some((pose.at, off_m));
+            self.autopilot_pose = None;
+        }
+    }
+
+    /// Distance of the autopilot's place to the own one, m, if it was told lately.
+    fn disagreement_m(&self) -> Option<f64> {
+        let (at, off_m) = self.disagreement?;
+        (self.now.since(at) < DISAGREEMENT_OLD_AFTER).then_some(off_m)
+    }
+
+    /// By how much the vehicle is nearer to anything than its trajectory, beyond what is demanded.
+    fn intrusion_m(&self) -> f64 {
+        let trajectory = self.route.path().trajectory();
+        let Some((place, trajectory)) = self.localizer.pose().zip(trajectory) else { return 0.0 };
+        let planned = trajectory.knot_at(self.now).position;
+        let clearance = self.route.plan.clearance();
+        let is_at = clearance.shortfall(&place.origin.coords, &place.origin.coords);
+        let is_planned = clearance.shortfall(&planned, &planned);
+        let beyond =
+            |at_m: f64, planned_m: f64| if at_m > planned_m { at_m - planned_m } else { 0.0 };
+        beyond(is_at.around_m, is_planned.around_m).max(beyond(is_at.below_m, is_planned.below_m))
+    }
+
+    /// Charge for the way over the pad and down, at the consumption so far.
+    fn way_home_ratio(&self) -> Option<f64> {
+        let place = self.localizer.pose()?.origin.coords;
+        let over_home = self.above(&self.home?).place.coords;
+        let way_s = (over_home - place).norm() / self.route.settings().limits.speed_mps;
+        let landing_s = over_home.z / LANDING_MPS;
+        self.energy.charge_for(way_s + landing_s)
+    }
+
+    /// After a declared jump of the own place the trajectory leads from where the vehicle was
+    /// thought to be. It begins anew in the motion that the vehicle really has: from rest there, the
+    /// vehicle would shoot past it and be pulled back faster than anything that is planned.
+    pub(super) fn follow_jump(&mut self) {
+        let Some(estimate) = self.localizer.estimate() else { return };
+        if estimate.reset_counter == self.reset_counter {
+            return;
+        }
+        self.reset_counter = estimate.reset_counter;
+        self.disagreement = None;
+        self.autopilot_pose = None;
+        let place = estimate.hall_from_body.origin;
+        let planned = self.route.path().trajectory().map(|t| t.knot_at(self.now).position);
+        let is_far = planned.is_some_and(|p| (p - place.coords).norm() > JUMP_FOLLOWED_M);
+        if !self.mission.is_steering() || !is_far {
+            return;
+        }
+        let limits = &self.route.settings().limits;
+        let velocity = estimate.velocity_mps.coords.cap_magnitude(limits.speed_mps);
+        let motion = Knot::steady(place.coords, velocity, self.route.settings().yaw_rad);
+        self.route.path_mut().stop_from(&motion, self.now);
+        let over_home = self.home.map(|home| self.above(&home));
+        if let (Phase::TakeOff | Phase::Return, Some(over_home)) = (self.phase(), over_home) {
+            self.route.go_to(over_home, self.now);
+        }
+    }
+
+    fn is_at_target(&self) -> bool {
+        let place = self.localizer.pose().map(|hall_from_body| hall_from_body.origin);
+        self.route
+            .path()
+            .reached_end(self.now)
+            .zip(place)
+            .is_some_and(|(end, place)| (place.coords - end.position).norm() < AT_TARGET_M)
+    }
+
+    fn apply(&mut self, effects: Vec<Effect>, actions: &mut Vec<Action>) {
+        for effect in effects {
+            match effect {
+                Effect::Command(command) => actions.push(Action::Command(command)),
+                Effect::Say(severity, text) => say(actions, severity, text),
+                Effect::Lifted => self.take_over_climb(),
+                Effect::Enter { from, to, reason } => {
+                    self.enter(from, to);
+                    let change = PhaseChange { at: self.now, from, to, reason };
+                    actions.push(Action::PhaseChanged(change));
+                }
+                Effect::Ended { is_complete } => {
+                    self.ending = Some(Ending {
+                        is_complete,
+                        steps_done: self.route.plan.steps_done(),
+                        path_length_m: self.flown.length_m,
+                    });
+                    self.start_solve(true, actions);
+                }
+            }
+        }
+    }
+
+    /// Turns the trajectory to what the new phase is for.
+    fn enter(&mut self, from: Phase, to: Phase) {
+        let here = self.localizer.pose().map(|hall_from_body| hall_from_body.origin);
+        match to {
+            Phase::Preflight => {
+                if self.mission.is_into_gaps() {
+                    self.route.restart(Some(self.gaps.passes()));
+                } else {
+                    // The next survey measures anew: the material may have moved.
+                    self.mapper.restart();
+                    self.accounts.clear();
+                    self.told_disturbed_m2 = 0.0;
+                    self.gaps = GapOffer::default();
+                    self.route.restart(None);
+                }
+                self.told_plan = PlanNews::default();
+                self.jobs.plan = None;
+                self.flown = FlownPath::default();
+                self.energy.restart();
+                self.home = here;
+                if let Some(place) = here {
+                    self.stand(place);
+                }
+            }
+            Phase::TakeOff => {
+                // The pose has settled since the preflight began; fly from where it is now.
+                if let Some(place) = here.filter(|_| from == Phase::Preflight) {
+                    self.home = Some(place);
+                    self.stand(place);
+                }
+                if let Some(over_home) = self.home.map(|home| self.above(&home)) {
+                    self.route.go_to(over_home, self.now);
+                }
+            }
+            Phase::Return => {
+                if let Some(over_home) = self.home.map(|home| self.above(&home)) {
+                    self.route.go_to(over_home, self.now);
+                }
+            }
+            Phase::Hold => self.route.path_mut().brake(self.now),
+            Phase::Idle | Phase::Land | Phase::Abort => self.route.path_mut().let_go(),
+            // Where the flight was broken off the plan may not lead any more.
+            Phase::Survey if from == Phase::Hold => self.route.plan.ask_from_here(),
+            Phase::Survey => {}
+        }
+    }
+
+    /// A command has lifted the vehicle: climb on from where it is.
+    fn take_over_climb(&mut self) {
+        let Some(hall_from_body) = self.localizer.pose() else { return };
+        self.stand(hall_from_body.origin);
+        if let Some(over_home) = self.home.map(|home| self.above(&home)) {
+            self.route.go_to(over_home, self.now);
+        }
+    }
+
+    /// The place over `place` at the height of the flight, with the usual heading.
+    pub(super) fn above(&self, place: &Point<Hall>) -> Waypoint {
+        let planning = self.route.settings();
+        let place = Point::new(place.coords.x, place.coords.y, planning.height_m);
+        Waypoint { place, yaw_rad: planning.yaw_rad }
+    }
+
+    /// Stands at a place with the usual heading.
+    fn stand(&mut self, place: Point<Hall>) {
+        let yaw_rad = self.route.settings().yaw_rad;
+        self.route.path_mut().stand(&Waypoint { place, yaw_rad }, self.now);
+    }
+
+    pub(super) fn steer(&mut self, actions: &mut Vec<Action>) {
+        if !self.mission.is_steering() {
+            return;
+        }
+        if self.route.path().trajectory().is_none()
+            && let Some(hall_from_body) = self.localizer.pose()
+        {
+            self.stand(hall_from_body.origin);
+        }
+        let Some(trajectory) = self.route.path().trajectory() else { return };
+        let setpoint = trajectory.setpoint_at(self.now.plus(STEER_LEAD));
+        if setpoint.is_finite() {
+            self.flown.go_on(&setpoint.position.coords);
+            actions.push(Action::Steer(setpoint));
+        }
+    }
+
+    pub(super) fn publish_odometry(&self, actions: &mut Vec<Action>) {
+        if let Some(estimate) = self.trusted_estimate() {
+            actions.push(Action::PublishOdometry(Box::new(estimate)));
+        }
+    }
+
+    /// The belief, if it can be flown on.
+    pub(super) fn trusted_estimate(&self) -> Option<NavEstimate> {
+        let is_trusted = self.localizer.is_trusted(self.now);
+        let estimate = is_trusted.then(|| self.localizer.estimate()).flatten();
+        estimate.filter(NavEstimate::is_finite)
+    }
+}
+
+impl FlownPath {
+    fn go_on(&mut self, place: &Vector3<f64>) {
+        if let Some(last) = self.last {
+            self.length_m += (place - last).norm();
+        }
+        self.last = Some(*place);
+    }
+}
