@@ -296,10 +296,9 @@ impl Mission {
             return true;
         }
         let is_ours = match (vehicle.mode, self.phase) {
-            (FlightMode::Land, Phase::Land) => true,
             // Whoever takes a vehicle out of a landing that has begun wants it elsewhere.
             (FlightMode::Companion, Phase::Land) => !self.has_begun_landing,
-            (FlightMode::Companion, _) => true,
+            (FlightMode::Land, Phase::Land) | (FlightMode::Companion, _) => true,
             _ => false,
         };
         // On the ground PX4 leaves its landing by itself.

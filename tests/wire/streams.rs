@@ -92,7 +92,8 @@ async fn a_peer_that_takes_nothing_gets_nothing_old() {
     while transport.stats().sent != sent_before {
         sent_before = transport.stats().sent;
         for _ in 0..200 {
-            let _ = transport.outgoing.send(out(MavMessage::STATUSTEXT(text.clone())));
+            // Once the outbox is full the rest is lost, as it should be.
+            transport.outgoing.send(out(MavMessage::STATUSTEXT(text.clone()))).ok();
         }
         for _ in 0..2_000 {
             tokio::task::yield_now().await;
@@ -183,7 +184,7 @@ async fn a_slow_serial_line_gets_what_it_carries_and_fresh_setpoints() {
         move || setpoints_heard(master, &n_bytes)
     });
     let text = STATUSTEXT_DATA { text: "x".repeat(50).as_str().into(), ..Default::default() };
-    for _ in 0..200 {
+    for _ in 0..64 {
         transport.outgoing.send(out(MavMessage::STATUSTEXT(text.clone()))).unwrap();
     }
     // Twice as many setpoints as the line could carry, and their only content is their number.
