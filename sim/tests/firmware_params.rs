@@ -3,6 +3,7 @@
 #![expect(clippy::unwrap_used, clippy::panic, reason = "a test may stop at the first surprise")]
 
 use std::collections::BTreeMap;
+use stockpilot::link::params::ParamFile;
 use stockpilot_sim::autopilot::{ParamTable, ParamValue};
 
 const FILE: &str = include_str!("../../firmware-params/px4-indoor-vision.params");

@@ -164,17 +164,8 @@ impl Examination<'_> {
             checks.extend(cameras.end(listened));
         }
         match (&service, &service_status) {
-            (Ok(_), Some(status)) => {
-                let status = status.borrow();
-                checks.extend(judge::autopilot(&status, &address));
-                checks.extend(budget.map(|budget| judge::serial_line(&budget, &status)));
-            }
-            (Err(error), _) => checks.push(Check::with_cure(
-                "autopilot",
-                Verdict::Bad,
-                format!("{error}: {address}"),
-                "see that nothing else uses this address: `ss -lunp`, `fuser -v DEVICE`",
-            )),
+            (Ok(_), Some(status)) => checks.extend(link_lines(&status.borrow(), &address, budget)),
+            (Err(error), _) => checks.push(no_link(&error.to_string(), &address)),
             (Ok(_), None) => {}
         }
         stop.cancel();
@@ -250,6 +241,22 @@ impl Examination<'_> {
             self.clock.sleep_until(now.plus(LOOKING_EVERY)).await;
         }
     }
+}
+
+fn no_link(error: &str, address: &str) -> Check {
+    Check::with_cure(
+        "autopilot",
+        Verdict::Bad,
+        format!("{error}: {address}"),
+        "see that nothing else uses this address: `ss -lunp`, `fuser -v DEVICE`",
+    )
+}
+
+/// The autopilot, and the serial line to it if there is one.
+fn link_lines(status: &ServiceStatus, address: &str, budget: Option<LinkBudget>) -> Vec<Check> {
+    let mut checks = judge::autopilot(status, address);
+    checks.extend(budget.map(|budget| judge::serial_line(&budget, status)));
+    checks
 }
 
 fn settings(path: &Path) -> Settings {

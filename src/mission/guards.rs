@@ -209,7 +209,6 @@ pub(super) fn preflight_checks(inputs: &Inputs, settings: &Settings) -> Vec<Pref
     let heading = PreflightFault::Heading { degrees: heading_deg.unwrap_or(0.0) };
     let metres = inputs.disagreement_m.unwrap_or(0.0);
     let is_elsewhere = metres > settings.max_disagreement_m;
-    let turned_deg = inputs.heading_disagreement_rad.map(f64::to_degrees);
     let is_lost = inputs.is_autopilot_lost;
     let is_standing = vehicle.landed == LandedState::OnGround;
     let sigma = inputs.position_sigma_m.map_or_else(
@@ -257,11 +256,7 @@ pub(super) fn preflight_checks(inputs: &Inputs, settings: &Settings) -> Vec<Pref
             Fault::Disagreement { metres },
             off(inputs.disagreement_m.map(|m| 100.0 * m), " cm"),
         ),
-        check(
-            "autopilot's heading",
-            off(turned_deg.map(f64::abs), "°"),
-            heading_fault(inputs, settings),
-        ),
+        heading_check(inputs, settings),
         line("heading", is_turned, heading, off(heading_deg.map(f64::abs), "°")),
         line("LiDAR", !has_lidar, Fault::NoLidar, word(!has_lidar, "silent", "measuring")),
         line("waypoints", !inputs.has_plan, Fault::NoPlan, word(!inputs.has_plan, "none", "found")),
@@ -274,6 +269,15 @@ pub(super) fn preflight_checks(inputs: &Inputs, settings: &Settings) -> Vec<Pref
 
 const fn mode_news(is_prompt: bool) -> &'static str {
     if is_prompt { "seen at once" } else { "seen up to 1 s late" }
+}
+
+fn heading_check(inputs: &Inputs, settings: &Settings) -> PreflightCheck {
+    let told = inputs.heading_disagreement_rad.map(|rad| rad.to_degrees().abs());
+    PreflightCheck {
+        subject: "autopilot's heading",
+        found: told.map_or_else(|| "unknown".to_owned(), |degrees| format!("{degrees:.0}° off")),
+        fault: heading_fault(inputs, settings),
+    }
 }
 
 /// A place without a heading beside it was not compared as it must be.

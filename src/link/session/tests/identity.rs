@@ -331,9 +331,9 @@ fn whole_numbers_take_over_where_ardupilot_has_no_finer_samples() {
     let told = scene.told();
     let [Event::Imu(imu)] = told.as_slice() else { panic!("{told:?}") };
     // 0.1 g forward, 1 g up, 0.25 rad/s nose up: −0.25 about the axis to the left.
-    let accel = nalgebra::Vector3::new(0.980_665, 0.0, 9.806_65);
+    let accel = Vector3::new(0.980_665, 0.0, 9.806_65);
     assert!((imu.accel_mps2 - accel).norm() < 1e-9, "{:?}", imu.accel_mps2);
-    assert!((imu.gyro_radps - nalgebra::Vector3::new(0.0, -0.25, 0.0)).norm() < 1e-9);
+    assert!((imu.gyro_radps - Vector3::new(0.0, -0.25, 0.0)).norm() < 1e-9);
 }
 
 #[test]
