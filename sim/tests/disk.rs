@@ -31,7 +31,7 @@ const LARGEST_ERROR: f64 = 0.05;
 /// The words for a flight whose log goes to a folder.
 fn flight_into(folder: &Path) -> String {
     let survey = "--world piles --seed 5 --leg-spacing-m 10 --surface kalman-grid";
-    format!("exec {PROGRAM} fly {survey} --speed 4 --json --log {}", folder.display())
+    format!("exec {PROGRAM} fly {survey} --speed 3 --json --log {}", folder.display())
 }
 
 fn begin(script: &str) -> Child {
