@@ -58,6 +58,16 @@ impl RawAngle {
         (0 <= beyond_q16 && beyond_q16 < ahead_q16) || beyond_q16 >= TURN_Q16
     }
 
+    /// True if the head reaches the end of the turn within `n_samples` steps: no other can pass the mark.
+    #[expect(
+        clippy::cast_possible_wrap,
+        clippy::cast_possible_truncation,
+        reason = "a capsule has 96"
+    )]
+    pub(super) const fn ends_beyond_turn(&self, n_samples: usize) -> bool {
+        self.at_q16 + n_samples as i32 * self.step_q16 >= TURN_Q16
+    }
+
     pub(super) const fn advance(&mut self) {
         self.at_q16 += self.step_q16;
     }
