@@ -209,10 +209,13 @@ impl From<OriginName> for Origin {
 }
 
 fn main() -> anyhow::Result<ExitCode> {
+    let command = Cli::parse().command;
+    // What drivers tell the log, the doctor's table tells with its cure.
+    let usual = if matches!(command, Command::Doctor(_)) { "error" } else { "info" };
     let filter = tracing_subscriber::EnvFilter::try_from_default_env()
-        .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("info"));
+        .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new(usual));
     tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).init();
-    match Cli::parse().command {
+    match command {
         Command::Run(args) => run(&args),
         Command::Replay(args) => run_replay(&args),
         Command::Merge(args) => run_merge(&args),

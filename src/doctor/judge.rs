@@ -116,12 +116,14 @@ fn lidar_fault(health: &LidarHealth, baud: u32) -> Check {
         LidarHealth::Silent => (
             format!("nothing comes at {baud} bit/s"),
             "check that its head turns and that power, cable and plug are right; an LD06 or LD19 \
-             talks by itself as soon as it has 5 V"
+             talks by itself as soon as it has 5 V; an RPLIDAR or YDLIDAR understands no other \
+             speed than its own: write `model = \"auto\"` into [lidar] without a baud"
                 .to_owned(),
         ),
         LidarHealth::NoFrames { baud } => (
             format!("what comes makes no sense at {baud} bit/s"),
-            "write `model = \"auto\"` into [lidar] without a baud, or the model on its label"
+            "write `model = \"auto\"` into [lidar] without a baud, or the model on its label; if it \
+             has worked before, another cable"
                 .to_owned(),
         ),
         LidarHealth::Stalled => (

@@ -423,14 +423,17 @@ fn log_change(settings: &Settings, model: Option<Model>, health: &LidarHealth) {
             tracing::debug!(port, model, "lidar {health:?}");
         }
         LidarHealth::Streaming => tracing::info!(port, model, "lidar streams"),
-        LidarHealth::Silent => {
-            tracing::warn!(port, model, "lidar is silent; check its power and cable");
-        }
+        LidarHealth::Silent => tracing::warn!(
+            port,
+            model,
+            "lidar is silent; check its power, its cable, and, if it is one that must be asked, its \
+             baud"
+        ),
         LidarHealth::NoFrames { baud } => tracing::warn!(
             port,
             model,
             baud,
-            "bytes arrive but form no frame: wrong baud or another lidar model"
+            "bytes arrive but form no frame: wrong baud, another lidar model, or a bad cable"
         ),
         LidarHealth::Stalled => tracing::warn!(
             port,

@@ -35,9 +35,10 @@ pub enum LidarHealth {
     Starting,
     /// Frames arrive.
     Streaming,
-    /// Nothing has arrived for a second.
+    /// Nothing has arrived for a second; so it is too at a wrong baud with a sensor that must be asked.
     Silent,
-    /// Bytes arrive, but for a second no frame among them: the baud or the model is wrong.
+    /// Bytes arrive, but for a second no frame among them: the baud or the model is wrong, or the
+    /// line damages whatever it carries.
     NoFrames {
         /// The line speed in use, bit/s.
         baud: u32,

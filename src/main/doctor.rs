@@ -1,4 +1,5 @@
-//! `stockpilot doctor`.
+//! `stockpilot doctor`: its table or its JSON alone on the standard output; `RUST_LOG` brings the drivers' own
+//! lines, on the standard error.
 
 use anyhow::Context;
 use clap::Args;

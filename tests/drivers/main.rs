@@ -4,6 +4,7 @@
 #![expect(clippy::print_stdout, reason = "a test says when its input is not on this machine")]
 
 mod detector_socket;
+mod doctor;
 mod images;
 mod ldrobot_captures;
 mod ldrobot_chunking;

@@ -83,6 +83,11 @@ impl PtyLine {
         self.counts
     }
 
+    /// From now on these things go wrong.
+    pub const fn damage_by(&mut self, faults: LineFaults) {
+        self.faults = faults;
+    }
+
     /// The speed that the reader has set, bit/s.
     ///
     /// # Errors

@@ -9,14 +9,21 @@ use stockpilot::time::{Mono, Stamp};
 /// Full-speed USB, bit/s.
 const USB_SPEED: u32 = 12_000_000;
 
-/// How fast bytes leave the sensor, bit/s: a Hokuyo is plugged in by USB, whatever speed its port is set to.
-fn line_speed(model: &LidarModel) -> u32 {
-    if matches!(model.firmware, Firmware::Hokuyo(_)) { USB_SPEED } else { model.baud }
+/// A Hokuyo is plugged in by USB: its bytes leave at USB's speed, whatever speed its port is set to, and
+/// no speed of the port is wrong.
+const fn is_usb(model: &LidarModel) -> bool {
+    matches!(model.firmware, Firmware::Hokuyo(_))
+}
+
+/// What can go wrong between this sensor and its host.
+const fn possible(faults: LineFaults, model: &LidarModel) -> LineFaults {
+    LineFaults { checks_speed: faults.checks_speed && !is_usb(model), ..faults }
 }
 
 /// A sensor with its plug.
 #[derive(Debug)]
 pub struct SerialLidar {
+    model: LidarModel,
     device: Box<dyn Device>,
     uart: Uart,
     line: PtyLine,
@@ -36,9 +43,10 @@ impl SerialLidar {
         is_running: bool,
     ) -> std::io::Result<Self> {
         Ok(Self {
+            model: model.clone(),
             device: device(model, seeds, now, is_running),
-            uart: Uart::new(line_speed(model)),
-            line: PtyLine::open(model.baud, faults, seeds)?,
+            uart: Uart::new(if is_usb(model) { USB_SPEED } else { model.baud }),
+            line: PtyLine::open(model.baud, possible(faults, model), seeds)?,
             n_overrun: 0,
         })
     }
@@ -59,6 +67,16 @@ impl SerialLidar {
     /// Something happens to the sensor.
     pub fn suffer(&mut self, mishap: Mishap, now: Stamp<Mono>) {
         self.device.suffer(mishap, now);
+    }
+
+    /// From now on the line has these faults.
+    pub fn damage(&mut self, faults: LineFaults) {
+        self.line.damage_by(possible(faults, &self.model));
+    }
+
+    /// A host says this to it, past the line: one that was there before.
+    pub fn hear(&mut self, bytes: &[u8], now: Stamp<Mono>) {
+        self.device.hear(bytes, now);
     }
 
     /// Goes on to `now`: hears the host, measures the scene, sends what has left the transmitter.

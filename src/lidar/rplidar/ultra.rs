@@ -10,12 +10,13 @@
 
 use super::capsule::{RawAngle, advance_q8};
 use super::node::Node;
+#[cfg(test)]
+use super::node::TURN_Q16;
 
 /// Bytes of a capsule.
 pub(super) const BYTES: usize = 132;
 /// Samples of a capsule.
 pub(super) const SAMPLES: usize = 96;
-const CABINS: usize = 32;
 /// Predictions that stand for "no return".
 const NO_RETURN: [i32; 2] = [-512, 511];
 
@@ -62,60 +63,84 @@ pub(super) fn decode(
     nodes: &mut Vec<Node>,
 ) {
     let mut raw = RawAngle::new(start_q6, (advance_q8(start_q6, next_q6) << 3) / 3);
+    let may_pass_mark = raw.ends_beyond_turn(SAMPLES);
     let (cabins, _) = capsule[4..BYTES].as_chunks::<4>();
     let first_of_next = [next[4], next[5], next[6], next[7]];
-    for cabin_idx in 0..CABINS {
-        let cabin = u32::from_le_bytes(cabins[cabin_idx]);
-        let following = cabins.get(cabin_idx + 1).unwrap_or(&first_of_next);
-        let following = u32::from_le_bytes(*following);
-        for dist_mm in distances_mm(cabin, following) {
-            nodes.push(node(dist_mm, &raw));
+    let mut samples = [Node::default(); SAMPLES];
+    let mut cabin = u32::from_le_bytes(cabins[0]);
+    let mut major = Major::of(cabin);
+    let following = cabins[1..].iter().chain([&first_of_next]);
+    for (three, following) in samples.as_chunks_mut::<3>().0.iter_mut().zip(following) {
+        let next_cabin = u32::from_le_bytes(*following);
+        let next_major = Major::of(next_cabin);
+        for (sample, dist_mm) in three.iter_mut().zip(distances_mm(cabin, major, next_major)) {
+            *sample = node(dist_mm, raw.at_q16, may_pass_mark && raw.passes_mark(1));
             raw.advance();
         }
+        (cabin, major) = (next_cabin, next_major);
     }
+    nodes.extend_from_slice(&samples);
 }
 
-fn node(dist_mm: i32, raw: &RawAngle) -> Node {
+#[inline]
+fn node(dist_mm: i32, raw_q16: i32, starts_turn: bool) -> Node {
     let dist_q2 = dist_mm.max(0) << 2;
-    let offset_q16 =
-        if dist_q2 >= NEAREST_Q2 { OFFSET_Q16[quotient(dist_q2)] } else { NEAR_OFFSET_Q16 };
-    Node::untold(raw.at_q16 - offset_q16, dist_q2.unsigned_abs(), raw.passes_mark(1))
+    let is_near = dist_q2 < NEAREST_Q2;
+    let offset_q16 = OFFSET_Q16[quotient(dist_q2.max(NEAREST_Q2))];
+    let offset_q16 = if is_near { NEAR_OFFSET_Q16 } else { offset_q16 };
+    Node::untold(raw_q16 - offset_q16, dist_q2.unsigned_abs(), starts_turn)
 }
 
 /// Whole quotient 98361/d. Floats divide faster; they are exact here, because no quotient lies
-/// nearer to a whole number from below than 1/d.
+/// nearer to a whole number from below than 1/d, and 98361 is less than 2²⁴.
+#[inline]
 #[expect(clippy::cast_possible_truncation, reason = "0 to 491")]
 #[expect(clippy::cast_sign_loss, reason = "0 to 491")]
+#[expect(clippy::cast_precision_loss, reason = "below 2²⁴")]
 fn quotient(dist_q2: i32) -> usize {
-    ((f64::from(QUOTIENT) / f64::from(dist_q2)) as usize).min(OFFSETS - 1)
+    ((QUOTIENT as f32 / dist_q2 as f32) as i32 as usize).min(OFFSETS - 1)
 }
 
 /// The three distances of a cabin, mm; negative ones are nonsense and become "no return".
+#[inline]
 #[expect(clippy::cast_possible_wrap, reason = "the fields are signed from here on")]
-fn distances_mm(cabin: u32, following: u32) -> [i32; 3] {
-    let (major_mm, major_scale) = decoded(cabin & 0xFFF);
-    let (next_mm, next_scale) = decoded(following & 0xFFF);
-    let (base_mm, scale) =
-        if major_mm == 0 && next_mm != 0 { (next_mm, next_scale) } else { (major_mm, major_scale) };
+const fn distances_mm(cabin: u32, major: Major, next: Major) -> [i32; 3] {
+    let base = if major.mm == 0 && next.mm != 0 { next } else { major };
     // Arithmetic shifts keep the sign.
     let (p1, p2) = (((cabin << 10) as i32) >> 22, (cabin as i32) >> 22);
-    let predicted = |p: i32, base_mm: i32, scale: u32| {
-        if NO_RETURN.contains(&p) { 0 } else { (p << scale) + base_mm }
-    };
-    [major_mm, predicted(p1, base_mm, scale), predicted(p2, next_mm, next_scale)]
+    [major.mm, base.predicted(p1), next.predicted(p2)]
 }
 
-/// A major value in mm, and the shift of the predictions that refer to it.
-#[expect(clippy::cast_possible_wrap, reason = "twelve bits")]
-const fn decoded(major: u32) -> (i32, u32) {
-    let (mm, scale) = match major {
-        3328.. => (16_384 + ((major - 3328) << 4), 4),
-        1792.. => (4096 + ((major - 1792) << 3), 3),
-        1280.. => (2048 + ((major - 1280) << 2), 2),
-        512.. => (512 + ((major - 512) << 1), 1),
-        _ => (major, 0),
-    };
-    (mm as i32, scale)
+/// A cabin's own distance, and the shift of the predictions that refer to it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Major {
+    mm: i32,
+    scale: usize,
+}
+
+impl Major {
+    /// From the low twelve bits of a cabin, without a branch: values come in no order that a
+    /// processor could guess.
+    #[inline]
+    #[expect(clippy::cast_possible_wrap, reason = "twelve bits")]
+    const fn of(cabin: u32) -> Self {
+        /// First value of each coarser scale.
+        const FIRST: [u32; 4] = [512, 1280, 1792, 3328];
+        /// Distance of value 0 if its scale went on downwards, mm.
+        const ZERO_MM: [i32; 5] = [0, -512, -3072, -10_240, -36_864];
+        let value = cabin & 0xFFF;
+        let scale = (value >= FIRST[0]) as usize
+            + (value >= FIRST[1]) as usize
+            + (value >= FIRST[2]) as usize
+            + (value >= FIRST[3]) as usize;
+        Self { mm: ((value as i32) << scale) + ZERO_MM[scale], scale }
+    }
+
+    /// The distance of a prediction, mm; 0 for "no return".
+    #[inline]
+    const fn predicted(self, p: i32) -> i32 {
+        if p == NO_RETURN[0] || p == NO_RETURN[1] { 0 } else { (p << self.scale) + self.mm }
+    }
 }
 
 #[cfg(test)]
@@ -130,23 +155,33 @@ mod tests {
         }
     }
 
+    /// The protocol's five branches, as the vendor writes them.
     #[test]
-    fn scales_meet_at_their_borders() {
-        // The last value of each range plus its step is the first of the next.
-        for (border, step_mm) in [(512, 1), (1280, 2), (1792, 4), (3328, 8)] {
-            assert_eq!(decoded(border).0, decoded(border - 1).0 + step_mm, "{border}");
+    fn every_value_is_decoded_as_by_the_protocol() {
+        for value in 0..4096_i32 {
+            let (mm, scale) = match value {
+                3328.. => (16_384 + ((value - 3328) << 4), 4),
+                1792.. => (4096 + ((value - 1792) << 3), 3),
+                1280.. => (2048 + ((value - 1280) << 2), 2),
+                512.. => (512 + ((value - 512) << 1), 1),
+                _ => (value, 0),
+            };
+            let with_predictions = 0xABCD_E000 | value.unsigned_abs();
+            assert_eq!(Major::of(with_predictions), Major { mm, scale }, "{value}");
         }
-        assert_eq!(decoded(4095), (16_384 + 767 * 16, 4));
     }
 
     #[test]
     fn no_cabin_makes_it_panic_and_no_return_is_zero() {
         let invalid = (0x200 << 12) | (0x1FF << 22) | 700;
-        assert_eq!(distances_mm(invalid, 0), [512 + 188 * 2, 0, 0]);
+        let distances =
+            |cabin, following| distances_mm(cabin, Major::of(cabin), Major::of(following));
+        assert_eq!(distances(invalid, 0), [512 + 188 * 2, 0, 0]);
         for cabin in [0, u32::MAX, 0x8000_0000, 0xFFF] {
-            for d in distances_mm(cabin, u32::MAX) {
-                let raw = RawAngle::new(23_039, 1 << 20);
-                assert!((0..360 << 16).contains(&node(d, &raw).angle_q16));
+            for dist_mm in distances(cabin, u32::MAX) {
+                for raw_q16 in [0, TURN_Q16 - 1, TURN_Q16 + (1 << 20)] {
+                    assert!((0..TURN_Q16).contains(&node(dist_mm, raw_q16, false).angle_q16));
+                }
             }
         }
     }
