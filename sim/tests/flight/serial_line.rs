@@ -15,7 +15,7 @@ fn flight(address: &str, baud: u32, rate: i32) -> DirectFlight {
     let scenario = Scenario { autopilot: Flavour::Px4, ..short_survey(SEED, 30) };
     let mut config = config(&scenario, Devices::none());
     config.link.address = address.to_owned();
-    let mut flight = DirectFlight::with_config(&scenario, &config).unwrap();
+    let mut flight = DirectFlight::with_config(&scenario, &config).expect("it fits");
     if let StubAutopilot::Px4(stub) = flight.rig.autopilot_mut() {
         assert!(stub.params_mut().set("MAV_1_RATE", ParamValue::Int(rate)));
         stub.speaks_over_serial(baud);
