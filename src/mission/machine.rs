@@ -1,7 +1,9 @@
 //! The transition machine.
 
 use super::Phase;
-use super::guards::{PreflightCheck, Settings, preflight_checks, preflight_faults, preflight_line};
+use super::guards::{
+    PreflightCheck, Settings, disagreement_text, preflight_checks, preflight_faults, preflight_line,
+};
 use crate::messages::{
     FlightMode, LandedState, OperatorVerb, Severity, StorageState, TAKE_OFF_HEIGHT_M, TakeOff,
     VehicleCommand, VehicleState,
@@ -42,6 +44,8 @@ pub struct Inputs {
     /// Distance between where the autopilot and where the companion believes to be, m; `None`
     /// while one of them does not know.
     pub disagreement_m: Option<f64>,
+    /// The autopilot's heading minus the own one, rad; `None` while one of them does not know.
+    pub heading_disagreement_rad: Option<f64>,
     /// By how much the vehicle is nearer to walls, ceiling, obstacles, fence or material than its
     /// trajectory, beyond what is demanded there, m; 0 while it is not.
     pub intrusion_m: f64,
@@ -107,7 +111,7 @@ pub struct Mission {
     lost_since: Option<Stamp<Mono>>,
     /// Since when the way home is flown without being there.
     stuck_since: Option<Stamp<Mono>>,
-    /// Since when the autopilot believes to be elsewhere.
+    /// Since when the autopilot believes to be elsewhere, or turned.
     disagrees_since: Option<Stamp<Mono>>,
     /// In this preflight the autopilot has followed the companion.
     was_companion: bool,
@@ -484,11 +488,11 @@ impl Mission {
         true
     }
 
-    /// The autopilot flies by a place of its own: what it is asked for leads elsewhere, so it is
-    /// asked for no more than a landing. True if so.
+    /// The autopilot flies by a place or a heading of its own: what it is asked for leads elsewhere,
+    /// so it is asked for no more than a landing. True if so.
     fn lands_on_disagreement(&mut self, inputs: &Inputs, effects: &mut Vec<Effect>) -> bool {
-        let off_m = inputs.disagreement_m.filter(|off_m| *off_m > self.settings.max_disagreement_m);
-        let Some(off_m) = off_m.filter(|_| inputs.has_position) else {
+        let text = disagreement_text(inputs, &self.settings);
+        let Some(text) = text.filter(|_| inputs.has_position) else {
             self.disagrees_since = None;
             return false;
         };
@@ -497,7 +501,6 @@ impl Mission {
         if !is_flown || inputs.now.since(since) < self.settings.disagrees_for {
             return false;
         }
-        let text = format!("autopilot's position is {off_m:.1} m off: landing");
         effects.push(Effect::Say(Severity::Critical, text));
         self.enter(Phase::Land, "the autopilot believes to be elsewhere", inputs.now, effects);
         true

@@ -8,6 +8,7 @@ use crate::messages::{NavEstimate, OperatorAnswer, OperatorCommand, Severity};
 use crate::mission::{Effect, Inputs, Phase};
 use crate::planning::Waypoint;
 use crate::planning::trajectory::Knot;
+use crate::time::{Mono, Stamp};
 use crate::units::wrapped_rad;
 use nalgebra::Vector3;
 use std::time::Duration;
@@ -29,6 +30,15 @@ const DISAGREEMENT_OLD_AFTER: Duration = Duration::from_secs(1);
 const JUMP_FOLLOWED_M: f64 = 0.3;
 /// Speed of a landing that the autopilot flies, m/s.
 const LANDING_MPS: f64 = 0.5;
+
+/// The pose that the autopilot told, against the own one of that instant.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Disagreement {
+    at: Stamp<Mono>,
+    off_m: f64,
+    /// Its heading minus the own one, rad; `None` where it told none.
+    turned_rad: Option<f64>,
+}
 
 impl Pilot {
     pub(super) fn watch_samples(&mut self, actions: &mut Vec<Action>) {
@@ -79,7 +89,8 @@ impl Pilot {
                 wrapped_rad(yaw_rad - self.route.settings().yaw_rad)
             }),
             position_sigma_m: self.localizer.position_sigma_m(),
-            disagreement_m: self.disagreement_m(),
+            disagreement_m: self.recent_disagreement().map(|told| told.off_m),
+            heading_disagreement_rad: self.recent_disagreement().and_then(|told| told.turned_rad),
             intrusion_m: self.intrusion_m(),
             way_home_ratio: self.way_home_ratio(),
             height_over_home_m: self
@@ -93,20 +104,21 @@ impl Pilot {
         }
     }
 
-    /// Compares the two places once the inertial samples have reached the autopilot's instant.
+    /// Compares the two poses once the inertial samples have reached the autopilot's instant.
     pub(super) fn compare_with_autopilot(&mut self) {
         let Some(pose) = self.autopilot_pose else { return };
         if let Some((own, _)) = self.localizer.pose_at(pose.at) {
             let off_m = (pose.position.coords - own.origin.coords).norm().min(FARTHEST_OFF_M);
-            self.disagreement = Some((pose.at, off_m));
+            let turned_rad = pose
+                .hall_from_body_rot
+                .map(|rotation| wrapped_rad(rotation.yaw_rad() - own.rotation.yaw_rad()));
+            self.disagreement = Some(Disagreement { at: pose.at, off_m, turned_rad });
             self.autopilot_pose = None;
         }
     }
 
-    /// Distance of the autopilot's place to the own one, m, if it was told lately.
-    fn disagreement_m(&self) -> Option<f64> {
-        let (at, off_m) = self.disagreement?;
-        (self.now.since(at) < DISAGREEMENT_OLD_AFTER).then_some(off_m)
+    fn recent_disagreement(&self) -> Option<Disagreement> {
+        self.disagreement.filter(|told| self.now.since(told.at) < DISAGREEMENT_OLD_AFTER)
     }
 
     /// By how much the vehicle is nearer to anything than its trajectory, beyond what is demanded.

@@ -3,6 +3,7 @@
 mod autopilot;
 mod companion;
 mod hazards;
+mod heading;
 mod limits;
 mod link;
 mod people;

@@ -20,6 +20,7 @@ fn inputs(seconds: f64) -> Inputs {
         heading_error_rad: Some(0.1),
         position_sigma_m: Some(0.02),
         disagreement_m: Some(0.05),
+        heading_disagreement_rad: Some(-0.03),
         intrusion_m: 0.0,
         way_home_ratio: None,
         height_over_home_m: Some(0.0),
@@ -38,6 +39,7 @@ fn vehicle(is_armed: bool, mode: FlightMode, landed: LandedState) -> VehicleStat
         in_failsafe: false,
         is_ready: true,
         is_contested: false,
+        is_mode_prompt: true,
         takes_off: TakeOff::BySetpoints,
     }
 }
@@ -368,6 +370,74 @@ fn an_autopilot_that_believes_to_be_elsewhere_is_told_to_land() {
 }
 
 #[test]
+fn an_autopilot_that_believes_to_be_turned_is_told_to_land() {
+    let off = |seconds, degrees: f64| Inputs {
+        heading_disagreement_rad: Some(degrees.to_radians()),
+        ..flying(seconds)
+    };
+    for sign in [-1.0, 1.0] {
+        let mut mission = surveying();
+        let mut effects = Vec::new();
+        // A moment of it, and what only forbids a start, change nothing.
+        for (seconds, degrees) in
+            [(20.0, 16.0), (20.4, 16.0), (20.6, 14.0), (21.0, 16.0), (21.4, 170.0)]
+        {
+            mission.step(&off(seconds, sign * degrees), &mut effects);
+            assert_eq!(mission.phase(), Phase::Survey, "{seconds} s");
+        }
+        mission.step(&off(21.5, sign * 16.0), &mut effects);
+        assert_eq!(mission.phase(), Phase::Land);
+        assert_eq!(effects.last(), Some(&Effect::Command(VehicleCommand::EnterLand)));
+        assert!(effects.iter().any(|e| matches!(e, Effect::Say(_, t) if t.contains("16 deg off"))));
+    }
+}
+
+#[test]
+fn no_start_with_an_autopilot_that_is_turned_or_does_not_tell_its_heading() {
+    let no_start = |heading_disagreement_rad: Option<f64>| {
+        let mut idle = Mission::new(Settings::default());
+        let mut effects = Vec::new();
+        let on_ground = |seconds| Inputs { heading_disagreement_rad, ..inputs(seconds) };
+        idle.on_operator(OperatorVerb::Start, &on_ground(0.0), &mut effects);
+        idle.step(&on_ground(2.0), &mut effects);
+        let asked = effects.iter().any(|effect| matches!(effect, Effect::Command(_)));
+        idle.step(&on_ground(61.0), &mut effects);
+        let why = effects.iter().find_map(|effect| match effect {
+            Effect::Say(_, text) if text.contains("no take-off") => Some(text.clone()),
+            _ => None,
+        });
+        (asked, why.unwrap_or_default())
+    };
+    // 40°: the compass of a hall whose x axis points north-east.
+    for degrees in [-40.0_f64, 11.0] {
+        let (asked, why) = no_start(Some(degrees.to_radians()));
+        assert!(!asked && why.contains(&format!("{:.0}° off", degrees.abs())), "{why}");
+        assert!(why.contains("EKF2_EV_CTRL 15") && why.contains("EK3_SRC1_YAW 6"), "{why}");
+    }
+    let (asked, why) = no_start(None);
+    assert!(!asked && why.contains("does not tell its heading"), "{why}");
+    assert!(no_start(Some(9_f64.to_radians())).0);
+}
+
+#[test]
+fn a_mode_switch_that_is_seen_late_is_told_before_the_start() {
+    for is_mode_prompt in [true, false] {
+        let mut mission = Mission::new(Settings::default());
+        let mut effects = Vec::new();
+        let state = vehicle(false, FlightMode::Companion, LandedState::OnGround);
+        let on_ground = |seconds| Inputs {
+            vehicle: Some(VehicleState { is_mode_prompt, ..state }),
+            ..inputs(seconds)
+        };
+        mission.on_operator(OperatorVerb::Start, &on_ground(0.0), &mut effects);
+        mission.step(&on_ground(2.0), &mut effects);
+        let told = |e: &Effect| matches!(e, Effect::Say(_, t) if t.contains("seen up to 1 s late"));
+        assert_eq!(effects.iter().any(told), !is_mode_prompt, "{effects:?}");
+        assert!(effects.contains(&Effect::Command(VehicleCommand::Arm)), "it may fly");
+    }
+}
+
+#[test]
 fn too_near_to_something_holds_goes_on_when_clear_and_lands_when_not() {
     for (is_clear_again, phase) in [(true, Phase::Survey), (false, Phase::Land)] {
         let mut mission = surveying();
@@ -435,7 +505,7 @@ fn the_preflight_tells_what_it_measured() {
             _ => None,
         })
         .collect();
-    let line = "preflight: battery 90 %, position sigma 2 cm, autopilot off by 5 cm, heading off by 6 deg, LiDAR on";
+    let line = "preflight: battery 90 %, position sigma 2 cm, autopilot off by 5 cm and 2 deg, heading off by 6 deg, LiDAR on";
     assert_eq!(said, [line]);
 }
 

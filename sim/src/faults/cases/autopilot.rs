@@ -1,6 +1,6 @@
 //! What the autopilot does, or does not.
 
-use super::Lab;
+use super::{Lab, heading};
 use crate::autopilot::Flavour;
 use crate::faults::bench::Bench;
 use crate::faults::link_layer::Way;
@@ -202,7 +202,8 @@ pub(super) fn disagreement(lab: &mut Lab) -> anyhow::Result<()> {
         let is_down = bench.until(40.0, Bench::is_down);
         bench.demand(is_down, "on the ground in the end");
         bench.demand(bench.said("autopilot's position"), "people are told");
-    })
+    })?;
+    heading::disagreement(lab)
 }
 
 pub(super) fn no_take_off(lab: &mut Lab) -> anyhow::Result<()> {
