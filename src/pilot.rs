@@ -305,7 +305,7 @@ impl Pilot {
         self.n_ticks += 1;
         self.map_waiting_scans();
         self.route.advance(now);
-        self.follow_jump();
+        self.follow_vehicle();
         self.compare_with_autopilot();
         self.watch_samples(actions);
         self.run_mission(actions);

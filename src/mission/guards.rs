@@ -45,6 +45,14 @@ pub struct Settings {
     pub max_intrusion_m: f64,
     /// Still too near after this long in a hold, it lands.
     pub land_after_intrusion: Duration,
+    /// Further than this from where its trajectory has it, m, the vehicle does not follow.
+    pub max_off_track_m: f64,
+    /// It must not follow for this long before it holds.
+    pub off_track_for: Duration,
+    /// After so many holds of one flight it lands instead.
+    pub most_off_track_holds: u32,
+    /// An empty battery must be told for this long: PX4 speaks of it every two seconds.
+    pub battery_empty_for: Duration,
     /// The way home is begun while the battery holds this many times what it takes, beside what
     /// must be left for a landing.
     pub way_home_factor: f64,
@@ -73,6 +81,10 @@ impl Default for Settings {
             disagrees_for: Duration::from_millis(500),
             max_intrusion_m: 0.15,
             land_after_intrusion: Duration::from_secs(3),
+            max_off_track_m: 1.0,
+            off_track_for: Duration::from_millis(300),
+            most_off_track_holds: 2,
+            battery_empty_for: Duration::from_millis(2_500),
             way_home_factor: 1.5,
             max_heading_error_rad: 0.4,
         }

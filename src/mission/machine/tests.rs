@@ -22,6 +22,7 @@ fn inputs(seconds: f64) -> Inputs {
         disagreement_m: Some(0.05),
         heading_disagreement_rad: Some(-0.03),
         intrusion_m: 0.0,
+        off_track_m: 0.0,
         way_home_ratio: None,
         height_over_home_m: Some(0.0),
         is_trajectory_over: false,
@@ -222,7 +223,9 @@ fn a_hold_on_the_way_home_is_kept_in_spite_of_a_low_battery() {
     assert!(mission.on_operator(OperatorVerb::Hold, &low(21.0), &mut effects));
     mission.step(&low(40.0), &mut effects);
     assert_eq!(mission.phase(), Phase::Hold);
-    mission.step(&Inputs { battery_ratio: Some(0.1), ..flying(41.0) }, &mut effects);
+    for seconds in [41.0, 43.6] {
+        mission.step(&Inputs { battery_ratio: Some(0.1), ..flying(seconds) }, &mut effects);
+    }
     assert_eq!(mission.phase(), Phase::Land);
 }
 
@@ -258,8 +261,84 @@ fn low_battery_returns_and_empty_battery_lands() {
     let mut effects = Vec::new();
     mission.step(&Inputs { battery_ratio: Some(0.2), ..flying(20.0) }, &mut effects);
     assert_eq!(mission.phase(), Phase::Return);
-    mission.step(&Inputs { battery_ratio: Some(0.1), ..flying(25.0) }, &mut effects);
+    let told = |seconds, ratio| Inputs { battery_ratio: Some(ratio), ..flying(seconds) };
+    // One wild word, and a battery that is seldom heard of, land nobody.
+    for (seconds, ratio) in [(25.0, 0.0), (26.9, 0.0), (27.0, 0.2), (29.0, 0.1), (31.4, 0.1)] {
+        mission.step(&told(seconds, ratio), &mut effects);
+        assert_eq!(mission.phase(), Phase::Return, "{seconds}");
+    }
+    mission.step(&told(31.6, 0.1), &mut effects);
     assert_eq!(mission.phase(), Phase::Land);
+}
+
+#[test]
+fn a_vehicle_that_does_not_follow_holds_where_it_is_and_lands_the_third_time() {
+    let mut mission = surveying();
+    let mut effects = Vec::new();
+    let off = |seconds, off_track_m| Inputs { off_track_m, ..flying(seconds) };
+    // A gust is no reason.
+    mission.step(&off(20.0, 1.5), &mut effects);
+    mission.step(&off(20.2, 0.9), &mut effects);
+    mission.step(&off(20.4, 1.5), &mut effects);
+    assert_eq!(mission.phase(), Phase::Survey);
+    for began in [30.0, 40.0] {
+        mission.step(&off(began, 1.5), &mut effects);
+        mission.step(&off(began + 0.31, 2.5), &mut effects);
+        assert_eq!(mission.phase(), Phase::Hold);
+        mission.step(&off(began + 0.5, 2.5), &mut effects);
+        mission.step(&off(began + 2.0, 2.5), &mut effects);
+        assert_eq!(mission.phase(), Phase::Hold, "not while it is off");
+        mission.step(&flying(began + 3.0), &mut effects);
+        mission.step(&flying(began + 4.1), &mut effects);
+        assert_eq!(mission.phase(), Phase::Survey);
+    }
+    mission.step(&off(50.0, 1.5), &mut effects);
+    mission.step(&off(50.31, 1.5), &mut effects);
+    assert_eq!(mission.phase(), Phase::Land);
+}
+
+#[test]
+fn whoever_takes_the_vehicle_out_of_a_landing_has_it() {
+    let landing = |seconds, mode, landed| Inputs {
+        vehicle: Some(vehicle(true, mode, landed)),
+        ..inputs(seconds)
+    };
+    use FlightMode::{Companion, Hold, Land, Other, Pilot, Return};
+    use LandedState::{InAir, OnGround};
+    for mode in [Companion, Hold, Return, Pilot, Other(7)] {
+        let mut mission = surveying();
+        let mut effects = Vec::new();
+        assert!(mission.on_operator(OperatorVerb::Land, &flying(20.0), &mut effects));
+        mission.step(&landing(20.1, Companion, InAir), &mut effects);
+        mission.step(&landing(20.5, Land, InAir), &mut effects);
+        assert_eq!(mission.phase(), Phase::Land);
+        effects.clear();
+        mission.step(&landing(21.0, mode, InAir), &mut effects);
+        assert_eq!(mission.phase(), Phase::Abort, "{mode:?}");
+        (22..30).for_each(|s| mission.step(&landing(s.into(), mode, InAir), &mut effects));
+        assert!(!effects.iter().any(|e| matches!(e, Effect::Command(_))), "{effects:?}");
+    }
+    // Also before the landing has begun; but what PX4 does on the ground is its own affair.
+    for (mode, landed, phase) in [(Hold, InAir, Phase::Abort), (Hold, OnGround, Phase::Land)] {
+        let mut mission = surveying();
+        let mut effects = Vec::new();
+        assert!(mission.on_operator(OperatorVerb::Land, &flying(20.0), &mut effects));
+        mission.step(&landing(20.3, mode, landed), &mut effects);
+        assert_eq!(mission.phase(), phase);
+    }
+}
+
+#[test]
+fn a_start_called_off_while_arming_disarms() {
+    let mut mission = Mission::new(Settings::default());
+    let mut effects = Vec::new();
+    mission.on_operator(OperatorVerb::Start, &inputs(0.0), &mut effects);
+    let mut ready = inputs(4.0);
+    ready.vehicle = Some(vehicle(false, FlightMode::Companion, LandedState::OnGround));
+    mission.step(&ready, &mut effects);
+    assert_eq!(effects.last(), Some(&Effect::Command(VehicleCommand::Arm)));
+    assert!(mission.on_operator(OperatorVerb::Hold, &ready, &mut effects));
+    assert_eq!(effects.last(), Some(&Effect::Command(VehicleCommand::Disarm)));
 }
 
 #[test]
