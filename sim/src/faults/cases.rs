@@ -15,7 +15,7 @@ use crate::autopilot::Flavour;
 /// One line of the fault matrix.
 #[derive(Debug, Clone, Copy)]
 pub struct Case {
-    /// Its number: 1 to 34 in the matrix, from 101 on for hazards of real autopilots.
+    /// Its number: 1 to 33 in the matrix, 34 the loss of one way, from 101 on for hazards of real autopilots.
     pub number: u32,
     /// What goes wrong.
     pub name: &'static str,
