@@ -15,32 +15,40 @@ mod edit;
 mod error;
 mod field_layout;
 mod file;
+mod filter;
 mod foxglove;
 mod images;
 mod load;
 mod markers;
 mod mesh_file;
+mod mission;
 mod obstacles;
 mod page;
+mod planning;
 mod published;
 mod security;
 mod storage;
+mod surface;
 
 pub use bays::{BaseSection, BaySection, ExclusionSection};
 pub use cameras::{CameraSection, LensName};
 pub use edit::{FoundMount, FoundRange, write_clock, write_mount, write_range};
 pub use error::ConfigError;
 pub use file::{
-    Config, ExternalSection, FieldSection, FilterSection, HallSection, LidarSection, LinkSection,
-    LogSection, MissionSection, MountSection, PlannerName, PlanningSection, RectSection,
-    SurfaceName, SurfaceSection, UncertaintySection, UpdateName, VarianceUpdateName,
-    VolumeVarianceName,
+    Config, HallSection, LidarSection, LinkSection, LogSection, MountSection, RectSection,
 };
+pub use filter::{FilterSection, PadSection, UpdateName};
 pub use foxglove::FoxgloveSection;
 pub use images::{DetectorSection, ImagesSection, SourceName};
 pub use load::load;
 pub use markers::{MarkersSection, PointSection, TagSection};
 pub use mesh_file::MeshContent;
+pub use mission::MissionSection;
 pub use obstacles::{FenceSection, ObstacleSection, SpaceSection};
 pub use page::PageSection;
+pub use planning::{ExternalSection, PlannerName, PlanningSection};
 pub use security::SigningSection;
+pub use surface::{
+    FieldSection, SurfaceName, SurfaceSection, UncertaintySection, VarianceUpdateName,
+    VolumeVarianceName,
+};

@@ -47,9 +47,8 @@ pub mod volume;
 
 mod mapper;
 mod rect;
+mod surface_work;
 
 pub use grid_map::VolumeVariance;
-pub use mapper::{
-    KeptHit, KnownHeights, Mapper, Method, PoseWithCov, Settings, SolveError, SolveSurface,
-    SolvedSurface,
-};
+pub use mapper::{KeptHit, Mapper, Method, PoseWithCov, Settings};
+pub use surface_work::{KnownHeights, SolveError, SolveSurface, SolvedSurface};

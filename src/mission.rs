@@ -10,13 +10,15 @@
 //!
 //! Not done here: setpoints (the pilot derives them from the phase), measuring, planning.
 
+mod decision;
 mod energy;
 mod guards;
 mod machine;
 
+pub use decision::{Effect, Inputs};
 pub use energy::EnergyGauge;
 pub use guards::{PreflightCheck, PreflightFault, Settings};
-pub use machine::{Effect, Inputs, Mission};
+pub use machine::Mission;
 
 /// Where a flight stands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]

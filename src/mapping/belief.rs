@@ -17,10 +17,10 @@
 
 use super::field_map::SolveField;
 use super::grid_map::SolveGrid;
-use super::mapper::SolveSurface;
 use super::matern_field::{FieldError, Functional, Information, Lattice, Prior, Row};
 use super::matern_kernel::matern_of;
 use super::region::Region;
+use super::surface_work::SolveSurface;
 use crate::messages::GridGeometry;
 use crate::time::{Mono, Stamp};
 use nalgebra::{Matrix3, Matrix6, SMatrix, Vector3};

@@ -4,11 +4,11 @@ use super::bay::BayOnGrid;
 use super::disturbance::Flagged;
 use super::gaps::gaps;
 use super::kalman_grid::{self, KalmanGrid};
-use super::mapper::SolvedSurface;
 use super::projection::Hit;
 use super::region::Region;
 use super::shares::SeenCells;
 use super::sparse_gp::{self, GpError, Posterior};
+use super::surface_work::SolvedSurface;
 use crate::messages::{
     BudgetRow, BudgetSource, GridGeometry, HeightMap, VolumeAccount, VolumeBudget,
 };

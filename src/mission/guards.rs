@@ -1,6 +1,6 @@
 //! Limits of the mission and the list of what must hold before the motors turn.
 
-use super::machine::Inputs;
+use super::decision::Inputs;
 use crate::messages::{LandedState, Room};
 use std::time::Duration;
 

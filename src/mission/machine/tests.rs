@@ -1,7 +1,7 @@
 //! Walks through the machine, and every way out of it.
 
 use super::*;
-use crate::messages::{LandedState, Room, TakeOff};
+use crate::messages::{LandedState, Room, Severity, StorageState, TakeOff, VehicleState};
 use std::time::Duration;
 
 fn inputs(seconds: f64) -> Inputs {

@@ -1,0 +1,182 @@
+use super::super::region::Rect;
+use super::*;
+use crate::geometry::{Point, Rotation};
+use nalgebra::{SMatrix, Vector3};
+
+fn settings(method: Method) -> Settings {
+    Settings {
+        method,
+        region: Region {
+            bounds: Rect { x_min_m: 0.0, y_min_m: 0.0, x_max_m: 6.0, y_max_m: 6.0 },
+            exclusions: Vec::new(),
+            exclusion_margin_m: 0.0,
+            bays: Vec::new(),
+        },
+        cell_m: 0.25,
+        base_height_m: 0.0,
+        obstacles: Vec::new(),
+        below_base_m: 0.5,
+        max_height_m: 4.0,
+        lidar: LidarMount {
+            body_from_lidar: Transform::new(
+                Rotation::from_euler_rad(0.0, std::f64::consts::FRAC_PI_2, 0.0),
+                Point::origin(),
+            ),
+            range_sigma_m: 0.01,
+            angle_sigma_rad: 0.002,
+            min_range_m: 0.1,
+            max_range_m: 12.0,
+            blind_sectors_rad: vec![(2.6, 3.2)],
+        },
+        grid: grid_map::Settings::default(),
+        field: field_map::Settings::default(),
+        max_position_sigma_m: 0.2,
+    }
+}
+
+fn pose_error(at: Stamp<Mono>, _: Option<Stamp<Mono>>) -> Option<PoseError> {
+    Some(PoseError {
+        at,
+        cov: SMatrix::identity() * 1e-6,
+        from_previous: SMatrix::zeros(),
+        velocity_mps: Vector3::zeros(),
+        rate_radps: Vector3::zeros(),
+        tags: Vec::new(),
+    })
+}
+
+/// A sweep over a level surface at 1.2 m, every beam exact.
+#[expect(clippy::cast_possible_truncation, reason = "test angles")]
+fn sweep(mapper: &mut Mapper) {
+    for step in 0..60 {
+        let x = 0.05 + f64::from(step) * 0.1;
+        let pose = Transform::new(Rotation::identity(), Point::new(x, 3.0, 5.2));
+        let beams = (-60..=60)
+            .map(|k| {
+                let angle = f64::from(k) * 0.0125;
+                let range_m = (4.0 / angle.cos()) as f32;
+                Beam { offset_ns: 0, angle_rad: angle as f32, range_m, intensity: 1 }
+            })
+            .collect();
+        let scan = Scan { start: Stamp::ZERO, beams };
+        mapper.insert(&scan, |_| Some((pose, Matrix6::identity() * 1e-6)), pose_error);
+    }
+}
+
+#[test]
+fn a_level_surface_has_the_volume_of_its_box() {
+    for method in [Method::KalmanGrid, Method::MaternField] {
+        let mut mapper = Mapper::new(settings(method));
+        sweep(&mut mapper);
+        let solved = mapper.snapshot(Stamp::ZERO, true).run().expect("solved");
+        let hall = &solved.accounts[0];
+        // 6 × 6 × 1.2 = 43.2 m³; the grid's prior pulls each cell by less than 1 %.
+        assert!((hall.estimate.volume_m3 - 43.2).abs() < 0.43, "{method:?} {hall:?}");
+        assert!(hall.estimate.coverage_ratio > 0.95);
+        let sigma_m3 = hall.budget.var_m6().sqrt();
+        assert!((hall.estimate.sigma_m3 - sigma_m3).abs() < 1e-9 * sigma_m3);
+    }
+}
+
+#[test]
+fn every_beam_is_counted_once() {
+    let mut mapper = Mapper::new(settings(Method::KalmanGrid));
+    let beam = |angle_rad, range_m| Beam { offset_ns: 0, angle_rad, range_m, intensity: 0 };
+    let scan = Scan {
+        start: Stamp::ZERO,
+        beams: vec![
+            beam(0.0, 4.0),
+            beam(0.0, 0.0),
+            beam(0.0, 13.0),
+            beam(3.0, 1.0),
+            beam(1.2, 11.0),
+        ],
+    };
+    let pose = Transform::new(Rotation::identity(), Point::new(3.0, 3.0, 5.0));
+    mapper.insert(&scan, |_| Some((pose, Matrix6::zeros())), pose_error);
+    let one = Scan { start: Stamp::ZERO, beams: vec![beam(0.0, 4.0)] };
+    mapper.insert(&one, |_| None, pose_error);
+    mapper.insert(&one, |_| Some((pose, Matrix6::identity())), pose_error);
+    let expected = HitCounts {
+        received: 7,
+        used: 1,
+        no_return: 2,
+        own_body: 1,
+        outside: 1,
+        no_pose: 1,
+        poor_pose: 1,
+        on_ground: 0,
+        refused: 0,
+        forgotten: 0,
+    };
+    assert_eq!(mapper.counts(), expected);
+}
+
+fn above() -> Transform<Hall, Body> {
+    Transform::new(Rotation::identity(), Point::new(3.0, 3.0, 5.0))
+}
+
+fn two_beams(start: Stamp<Mono>) -> Scan {
+    let beam = |angle_rad| Beam { offset_ns: 0, angle_rad, range_m: 4.0, intensity: 0 };
+    Scan { start, beams: vec![beam(0.0), beam(0.1)] }
+}
+
+#[test]
+fn a_pose_whose_covariance_is_no_number_maps_nothing() {
+    for method in [Method::KalmanGrid, Method::MaternField] {
+        let mut broken = Matrix6::identity() * 1e-6;
+        // Beside the position's variances, and among them.
+        for place in [(4, 1), (1, 1)] {
+            broken[place] = f64::NAN;
+            let mut mapper = Mapper::new(settings(method));
+            mapper.insert(&two_beams(Stamp::ZERO), |_| Some((above(), broken)), pose_error);
+            let counts = mapper.counts();
+            assert_eq!((counts.used, counts.poor_pose), (0, 2), "{method:?}");
+        }
+    }
+}
+
+#[test]
+fn beams_without_an_error_of_their_pose_are_not_counted_as_used() {
+    let sure = |_| Some((above(), Matrix6::identity() * 1e-6));
+    let broken_error = |at, previous| {
+        let mut error = pose_error(at, previous)?;
+        error.cov[(7, 7)] = f64::INFINITY;
+        Some(error)
+    };
+    let counts_of = |method, error_at: &dyn Fn(_, _) -> Option<PoseError>| {
+        let mut mapper = Mapper::new(settings(method));
+        mapper.insert(&two_beams(Stamp::ZERO), sure, error_at);
+        let counts = mapper.counts();
+        (counts.used, counts.no_pose, counts.poor_pose)
+    };
+    assert_eq!(counts_of(Method::MaternField, &|_, _| None), (0, 2, 0));
+    assert_eq!(counts_of(Method::MaternField, &broken_error), (0, 0, 2));
+    assert_eq!(counts_of(Method::MaternField, &pose_error), (2, 0, 0));
+    // The paper's grid asks for no chained errors.
+    assert_eq!(counts_of(Method::KalmanGrid, &|_, _| None), (2, 0, 0));
+}
+
+#[test]
+fn what_wrong_poses_have_seen_is_forgotten() {
+    let sure = |_| Some((above(), Matrix6::identity() * 1e-6));
+    let at_s = |seconds: i64| Stamp::from_nanos(seconds * 1_000_000_000);
+    for (method, n_dropped) in [(Method::MaternField, 4), (Method::KalmanGrid, 10)] {
+        let mut mapper = Mapper::new(settings(method));
+        let mut as_if_never = Mapper::new(settings(method));
+        for second in 1..=5 {
+            mapper.insert(&two_beams(at_s(second)), sure, pose_error);
+            if second <= 3 && method == Method::MaternField {
+                as_if_never.insert(&two_beams(at_s(second)), sure, pose_error);
+            }
+        }
+        assert_eq!(mapper.forget_since(at_s(5)), 0, "nothing is newer");
+        assert_eq!(mapper.forget_since(at_s(3)), n_dropped, "{method:?}");
+        let counts = mapper.counts();
+        assert_eq!((counts.used, counts.forgotten), (10 - n_dropped, n_dropped));
+        assert_eq!(mapper.forget_since(at_s(3)), 0, "they are gone");
+        let volumes =
+            |mapper: &Mapper| mapper.snapshot(at_s(6), true).run().map(|solved| solved.accounts);
+        assert_eq!(volumes(&mapper), volumes(&as_if_never), "{method:?}");
+    }
+}

@@ -1,0 +1,86 @@
+//! The solve of a surface as a piece of work that anybody can run: what goes in, what comes out.
+
+use super::field_map::{NewestField, SolveField};
+use super::gaps::Gap;
+use super::grid_map::SolveGrid;
+use super::matern_field::FieldError;
+use super::sparse_gp::GpError;
+use crate::messages::{CellCoverage, DisturbedArea, GridGeometry, HeightMap, VolumeAccount};
+use std::sync::Arc;
+
+/// The work of turning what was seen into a surface and its volumes.
+#[derive(Debug, Clone, PartialEq)]
+pub enum SolveSurface {
+    /// By the paper's grid.
+    KalmanGrid(Box<SolveGrid>),
+    /// By the field.
+    MaternField(Box<SolveField>),
+}
+
+/// Why there is no surface.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum SolveError {
+    /// From the paper's grid.
+    #[error(transparent)]
+    Grid(#[from] GpError),
+    /// From the field.
+    #[error(transparent)]
+    Field(#[from] FieldError),
+}
+
+/// What a [`SolveSurface`] found.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SolvedSurface {
+    /// The whole region first, then its bays.
+    pub accounts: Vec<VolumeAccount>,
+    /// The surface; its σ is the cells' own where the marginals were not asked for.
+    pub surface: HeightMap,
+    /// How each cell of the surface is known.
+    pub coverage: Vec<CellCoverage>,
+    /// Beams that hit something, but not the surface: dust, edges, machines.
+    pub n_beams_refused: u64,
+    /// Ground that something has covered or changed since it was last seen, the largest area first.
+    pub disturbed: Vec<DisturbedArea>,
+    /// Ground that was left out, the gap with the largest share of the variance first.
+    pub gaps: Vec<Gap>,
+    /// Where the next solve of a field starts.
+    pub newest: Option<Arc<NewestField>>,
+}
+
+/// The heights of the cells as the newest surface has them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct KnownHeights {
+    /// Where the cells are.
+    pub grid: GridGeometry,
+    /// Height of each cell, m; what is expected where nothing was seen.
+    pub height_m: Vec<f64>,
+    /// Cells that rest on data.
+    pub is_known: Vec<bool>,
+    /// Height of the highest cell that is known, m.
+    pub highest_m: f64,
+}
+
+impl SolveSurface {
+    /// The newest heights; `None` before there are any.
+    #[must_use]
+    pub fn known_heights(&self) -> Option<KnownHeights> {
+        let (grid, height_m, is_known) = match self {
+            Self::KalmanGrid(work) => work.known_heights(),
+            Self::MaternField(work) => work.known_heights()?,
+        };
+        let known_m = std::iter::zip(&height_m, &is_known).filter(|(_, is_known)| **is_known);
+        let highest_m = known_m.map(|(h, _)| *h).fold(f64::NEG_INFINITY, f64::max);
+        Some(KnownHeights { grid, height_m, is_known, highest_m })
+    }
+
+    /// Solves.
+    ///
+    /// # Errors
+    /// [`SolveError`] from the method.
+    pub fn run(&self) -> Result<SolvedSurface, SolveError> {
+        Ok(match self {
+            Self::KalmanGrid(work) => work.run()?,
+            Self::MaternField(work) => work.run()?,
+        })
+    }
+}

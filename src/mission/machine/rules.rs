@@ -1,0 +1,146 @@
+//! The rules that end what a phase does: each looks at the facts and is true if it took over.
+
+use super::{HoldCause, Mission, since};
+use crate::messages::{FlightMode, LandedState, Severity};
+use crate::mission::Phase;
+use crate::mission::decision::{Effect, Inputs};
+use crate::mission::guards::disagreement_text;
+use crate::time::{Mono, Stamp};
+
+impl Mission {
+    /// Somebody else took the vehicle: let go at once. True if so.
+    pub(super) fn yields_to_others(&mut self, inputs: &Inputs, effects: &mut Vec<Effect>) -> bool {
+        let Some(vehicle) = inputs.vehicle else { return false };
+        let is_flown_by_us =
+            matches!(self.phase, Phase::TakeOff | Phase::Survey | Phase::Return | Phase::Hold);
+        if is_flown_by_us && !vehicle.is_armed {
+            self.enter(Phase::Abort, "disarmed by somebody else", inputs.now, effects);
+            return true;
+        }
+        let is_ours = match (vehicle.mode, self.phase) {
+            // Whoever takes a vehicle out of a landing that has begun wants it elsewhere.
+            (FlightMode::Companion, Phase::Land) => !self.has_begun_landing,
+            (FlightMode::Land, Phase::Land) | (FlightMode::Companion, _) => true,
+            _ => false,
+        };
+        // On the ground PX4 leaves its landing by itself.
+        let is_landing = self.phase == Phase::Land
+            && vehicle.is_armed
+            && vehicle.landed != LandedState::OnGround;
+        if (is_flown_by_us || is_landing) && !is_ours {
+            let reason = format!("mode changed to {:?}", vehicle.mode);
+            self.enter(Phase::Abort, &reason, inputs.now, effects);
+            return true;
+        }
+        false
+    }
+
+    pub(super) fn holds_without_position(
+        &mut self,
+        inputs: &Inputs,
+        effects: &mut Vec<Effect>,
+    ) -> bool {
+        if inputs.has_position {
+            return false;
+        }
+        self.resume_to = self.phase;
+        self.hold_cause = HoldCause::FixLost;
+        effects.push(Effect::Say(Severity::Warning, "markers lost: holding".to_owned()));
+        self.enter(Phase::Hold, "position lost", inputs.now, effects);
+        true
+    }
+
+    /// The autopilot flies by a place or a heading of its own: what it is asked for leads elsewhere,
+    /// so it is asked for no more than a landing. True if so.
+    pub(super) fn lands_on_disagreement(
+        &mut self,
+        inputs: &Inputs,
+        effects: &mut Vec<Effect>,
+    ) -> bool {
+        let text = disagreement_text(inputs, &self.settings);
+        let Some(text) = text.filter(|_| inputs.has_position) else {
+            self.disagrees_since = None;
+            return false;
+        };
+        let since = *self.disagrees_since.get_or_insert(inputs.now);
+        let is_flown = self.is_steering() && self.phase != Phase::Preflight;
+        if !is_flown || inputs.now.since(since) < self.settings.disagrees_for {
+            return false;
+        }
+        effects.push(Effect::Say(Severity::Critical, text));
+        self.enter(Phase::Land, "the autopilot believes to be elsewhere", inputs.now, effects);
+        true
+    }
+
+    pub(super) fn holds_too_near(&mut self, inputs: &Inputs, effects: &mut Vec<Effect>) -> bool {
+        if inputs.intrusion_m <= self.settings.max_intrusion_m {
+            return false;
+        }
+        self.resume_to = self.phase;
+        self.hold_cause = HoldCause::TooNear;
+        let text = format!("{:.2} m too near to something: holding", inputs.intrusion_m);
+        effects.push(Effect::Say(Severity::Warning, text));
+        self.enter(Phase::Hold, "too near to something", inputs.now, effects);
+        true
+    }
+
+    /// The vehicle does not follow: it is blown away, or hears nothing. What it would be told next leads
+    /// it in a straight line to where it is not, so its trajectory begins anew where it is. True if so.
+    pub(super) fn holds_off_track(&mut self, inputs: &Inputs, effects: &mut Vec<Effect>) -> bool {
+        let is_off = inputs.off_track_m > self.settings.max_off_track_m;
+        self.off_track_since = since(self.off_track_since, is_off, inputs.now);
+        let is_lasting = |at: Stamp<Mono>| inputs.now.since(at) >= self.settings.off_track_for;
+        if !self.off_track_since.is_some_and(is_lasting) {
+            return false;
+        }
+        self.n_off_track += 1;
+        let off_m = inputs.off_track_m;
+        if self.n_off_track > self.settings.most_off_track_holds {
+            let text = format!("{off_m:.1} m off its path again: landing");
+            effects.push(Effect::Say(Severity::Critical, text));
+            self.enter(Phase::Land, "does not follow its trajectory", inputs.now, effects);
+            return true;
+        }
+        self.resume_to = self.phase;
+        self.hold_cause = HoldCause::OffTrack;
+        effects.push(Effect::Say(Severity::Warning, format!("{off_m:.1} m off its path: holding")));
+        self.enter(Phase::Hold, "does not follow its trajectory", inputs.now, effects);
+        true
+    }
+
+    /// Charge at which the way home must begin.
+    pub(super) fn return_at_ratio(&self, inputs: &Inputs) -> f64 {
+        let way_home = inputs.way_home_ratio.unwrap_or(0.0);
+        let needed = self.settings.land_battery_ratio + self.settings.way_home_factor * way_home;
+        needed.max(self.settings.return_battery_ratio)
+    }
+
+    pub(super) fn returns_on_battery(
+        &mut self,
+        inputs: &Inputs,
+        effects: &mut Vec<Effect>,
+    ) -> bool {
+        let reason = match inputs.battery_ratio {
+            None => "battery unknown",
+            Some(ratio) if ratio < self.settings.return_battery_ratio => "battery low",
+            Some(ratio) if ratio < self.return_at_ratio(inputs) => {
+                "battery just reaches for the way home"
+            }
+            Some(_) => return false,
+        };
+        effects.push(Effect::Say(Severity::Warning, format!("{reason}: returning")));
+        self.enter(Phase::Return, reason, inputs.now, effects);
+        true
+    }
+
+    /// One wild word on the battery lands nobody.
+    pub(super) fn lands_on_battery(&mut self, inputs: &Inputs, effects: &mut Vec<Effect>) -> bool {
+        let is_lasting = |at: Stamp<Mono>| inputs.now.since(at) >= self.settings.battery_empty_for;
+        let is_empty = self.empty_since.is_some_and(is_lasting);
+        if is_empty {
+            effects.push(Effect::Say(Severity::Critical, "battery empty: landing".to_owned()));
+            self.enter(Phase::Land, "battery empty", inputs.now, effects);
+        }
+        is_empty
+    }
+}
