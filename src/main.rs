@@ -150,14 +150,21 @@ async fn fly(config: &Config) -> anyhow::Result<ExitCode> {
     tokio::select! {
         signal = wait_for_signal() => {
             signal?;
-            tracing::info!("ending: a vehicle in the air lands");
+            tracing::info!("ending: a vehicle in the air lands first; once more ends at once");
         }
         () = onboard.ended() => tracing::error!("the brain has stopped by itself"),
         () = watchdog::feed(|| onboard.last_tick()) => {}
     }
     watchdog::stopping();
     onboard.stop();
-    let stats = onboard.join().await?;
+    let stats = tokio::select! {
+        stats = onboard.join() => stats?,
+        signal = wait_for_signal() => {
+            signal?;
+            tracing::warn!("ended at once: a vehicle in the air is left to its autopilot");
+            return Ok(ExitCode::FAILURE);
+        }
+    };
     tracing::info!(?stats, "ended");
     Ok(ExitCode::SUCCESS)
 }

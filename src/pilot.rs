@@ -92,6 +92,9 @@ pub struct Pilot {
     /// Where the autopilot believes to be, until the own pose of that instant is known.
     autopilot_pose: Option<AutopilotPose>,
     disagreement: Option<Disagreement>,
+    /// In a hold, at this tick: how far the vehicle was from where it was held, m, when it began to be held
+    /// where it is.
+    strayed_m: Option<f64>,
     /// The localisation's count of declared jumps, as it was last looked at.
     reset_counter: u8,
     last_beam_at: Option<Stamp<Mono>>,
@@ -171,6 +174,7 @@ impl Pilot {
             battery: None,
             autopilot_pose: None,
             disagreement: None,
+            strayed_m: None,
             reset_counter: 0,
             sample_lag: SampleLag::default(),
             last_beam_at: None,
@@ -265,6 +269,12 @@ impl Pilot {
         self.mission.phase()
     }
 
+    /// The flight is over, and the last solve of its surface is not.
+    #[must_use]
+    pub const fn is_finishing(&self) -> bool {
+        self.ending.is_some()
+    }
+
     /// The map as it grows.
     #[must_use]
     pub const fn mapper(&self) -> &Mapper {
@@ -309,6 +319,7 @@ impl Pilot {
         self.compare_with_autopilot();
         self.watch_samples(actions);
         self.run_mission(actions);
+        self.strayed_m = None;
         if self.mission.phase() == Phase::Survey {
             self.route.survey(now);
         }

@@ -152,13 +152,7 @@ impl RunningService {
         self.link_addr
     }
 
-    /// Somebody has asked for the end.
-    #[must_use]
-    pub fn is_ending(&self) -> bool {
-        self.stop.is_cancelled()
-    }
-
-    /// Asks the service to end; a vehicle that it steers is told to land first.
+    /// Asks the service to end; a vehicle in the air lands first.
     pub fn stop(&self) {
         self.stop.cancel();
     }

@@ -178,15 +178,21 @@ fn announce_foxglove(onboard: &Onboard) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Ends the flight at the first SIGINT or SIGTERM.
+/// Has the vehicle land at the first SIGINT or SIGTERM, and ends the program at the second.
 async fn end_by_signal(stop: CancellationToken) {
     use tokio::signal::unix::{SignalKind, signal};
     let Ok(mut terminate) = signal(SignalKind::terminate()) else { return };
-    tokio::select! {
-        _ = tokio::signal::ctrl_c() => {}
-        _ = terminate.recv() => {}
+    for n in 0..2 {
+        tokio::select! {
+            _ = tokio::signal::ctrl_c() => {}
+            _ = terminate.recv() => {}
+        }
+        stop.cancel();
+        if n == 0 {
+            tracing::info!("landing first; once more ends at once");
+        }
     }
-    stop.cancel();
+    std::process::exit(1);
 }
 
 /// Tells the ground station's address as the first line of the output.
@@ -351,7 +357,6 @@ impl Flight {
         let status = onboard.status();
         let mut next_progress = Stamp::ZERO;
         while self.rig.now() < limit {
-            anyhow::ensure!(!onboard.is_ending(), "ended before the landing");
             self.step()?;
             self.pace.wait_for_brain(self.rig.now(), onboard);
             if let Some(pictures) = &mut self.devices.pictures {
@@ -360,6 +365,7 @@ impl Flight {
             if let Some(summary) = status.borrow().flight.clone() {
                 return Ok(summary);
             }
+            anyhow::ensure!(!onboard.has_ended(), "ended before the landing");
             if options.shows_progress && self.rig.now() >= next_progress {
                 next_progress = self.rig.now().plus(PROGRESS_EVERY.mul_f64(options.speed));
                 show_progress(self.rig.now(), &status.borrow());
@@ -380,7 +386,7 @@ impl Flight {
         mut last: FlightSummary,
     ) -> anyhow::Result<FlightSummary> {
         let status = onboard.status();
-        while !onboard.is_ending() {
+        while !onboard.has_ended() {
             self.step()?;
             self.pace.wait_for_brain(self.rig.now(), onboard);
             if let Some(summary) = status.borrow().flight.clone() {

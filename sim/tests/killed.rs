@@ -49,8 +49,8 @@ impl Surveying {
     }
 
     /// Waits for the end of the program; judges its log, which must hold all but `lost_s`.
-    /// The replay, and whether a landing was asked for.
-    fn replay(mut self, lost_s: f64) -> (ReplayReport, bool) {
+    /// The replay, and the landing that was asked for.
+    fn replay(mut self, lost_s: f64) -> (ReplayReport, Option<Landing>) {
         std::io::copy(&mut self.progress, &mut std::io::sink()).unwrap();
         self.program.wait().unwrap();
         let shown_s = self.shown_s;
@@ -68,7 +68,7 @@ impl Surveying {
         .unwrap();
         assert!(report.identical, "{:?}", report.first_difference);
         assert!(report.results_compared > 500);
-        (report, is_asked_to_land(&log))
+        (report, Landing::asked_for(&log))
     }
 }
 
@@ -77,8 +77,8 @@ fn a_log_survives_sigkill_but_for_its_last_second_and_replays_identically() {
     let mut flight = Surveying::begin();
     flight.program.kill().unwrap();
     // One second of the wall's clock is `SPEED` seconds of flight; one more for the progress line.
-    let (report, is_asked_to_land) = flight.replay(SPEED + 1.0);
-    assert!(!report.is_complete && !is_asked_to_land);
+    let (report, landing) = flight.replay(SPEED + 1.0);
+    assert!(!report.is_complete && landing.is_none(), "{landing:?}");
 }
 
 #[test]
@@ -88,19 +88,51 @@ fn a_service_that_is_asked_to_end_in_flight_lands_first_and_closes_its_log() {
     let asked = Command::new("kill").args(["-TERM", &pid]).status().unwrap();
     assert!(asked.success());
     // What is shown is rounded to a second.
-    let (report, is_asked_to_land) = flight.replay(1.0);
-    assert!(report.is_complete && is_asked_to_land);
+    let (report, landing) = flight.replay(1.0);
+    assert!(report.is_complete);
+    let landing = landing.expect("a landing was asked for");
+    // From 7 m, with a place of its own to the ground, and until the motors stand.
+    assert!(landing.took_s > 5.0 && !landing.is_armed, "{landing:?}");
+    assert!(landing.longest_without_fix_s < 0.5, "{landing:?}");
 }
 
-/// True if somebody asked for the landing.
-fn is_asked_to_land(log: &Path) -> bool {
-    let mut events = LogReader::<BufReader<std::fs::File>>::open(log).unwrap();
-    events.any(|item| match item {
-        LogItem::Event { event: RecordedEvent::Plain(Event::Operator(command)), .. } => {
-            command.verb == OperatorVerb::Land
+/// What the log has from the wish to land on.
+#[derive(Debug)]
+struct Landing {
+    took_s: f64,
+    longest_without_fix_s: f64,
+    /// By the last heartbeat.
+    is_armed: bool,
+}
+
+impl Landing {
+    fn asked_for(log: &Path) -> Option<Self> {
+        let mut landing: Option<Self> = None;
+        let (mut asked_s, mut fix_s) = (0.0, 0.0);
+        for item in LogReader::<BufReader<std::fs::File>>::open(log).unwrap() {
+            let LogItem::Event { event, at } = item else { continue };
+            let now_s = at.seconds();
+            match (&event, &mut landing) {
+                (RecordedEvent::Plain(Event::Operator(command)), None)
+                    if command.verb == OperatorVerb::Land =>
+                {
+                    (asked_s, fix_s) = (now_s, now_s);
+                    landing =
+                        Some(Self { took_s: 0.0, longest_without_fix_s: 0.0, is_armed: true });
+                }
+                (RecordedEvent::Plain(Event::TagsSeen(_)), Some(_)) => fix_s = now_s,
+                (RecordedEvent::Plain(Event::Vehicle(vehicle)), Some(landing)) => {
+                    landing.is_armed = vehicle.is_armed;
+                    landing.took_s = now_s - asked_s;
+                }
+                _ => {}
+            }
+            if let Some(landing) = &mut landing {
+                landing.longest_without_fix_s = landing.longest_without_fix_s.max(now_s - fix_s);
+            }
         }
-        _ => false,
-    })
+        landing
+    }
 }
 
 /// When the last readable event was taken in, s.

@@ -8,7 +8,7 @@
 //! 1. commands, answers and clock questions, in order; four at once at most while 2 or 3 wait, for who
 //!    asks much is answered much;
 //! 2. the heartbeat, the newest;
-//! 3. the setpoint, the newest;
+//! 3. the setpoint, the newest, and while orders wait in turns with ODOMETRY;
 //! 4. ODOMETRY, the newest, in turns with texts, in order, then values and parameters, in order.
 
 use crate::time::{Mono, Stamp};
@@ -48,6 +48,8 @@ pub struct Outbox {
     texts: VecDeque<Outgoing>,
     others: VecDeque<Outgoing>,
     is_turn_of_others: bool,
+    /// Since ODOMETRY left, orders have waited behind a setpoint.
+    is_turn_of_odometry: bool,
 }
 
 /// What became of a message that was put in.
@@ -86,9 +88,16 @@ impl Outbox {
             return Some(order);
         }
         self.n_in_a_row = 0;
-        let urgent = self.heartbeat.take().or_else(|| self.setpoint.take());
-        if urgent.is_some() {
-            return urgent;
+        if self.heartbeat.is_some() {
+            return self.heartbeat.take();
+        }
+        if self.odometry.is_some() && self.is_turn_of_odometry {
+            self.is_turn_of_odometry = false;
+            return self.odometry.take();
+        }
+        if self.setpoint.is_some() {
+            self.is_turn_of_odometry = !self.orders.is_empty();
+            return self.setpoint.take();
         }
         if let Some(order) = self.orders.pop_front() {
             return Some(order);
@@ -241,20 +250,21 @@ mod tests {
 
     /// Somebody asks for the clock a thousand times a second.
     #[test]
-    fn a_flood_of_answers_leaves_the_setpoint_its_turn() {
+    fn a_flood_of_answers_leaves_setpoint_and_odometry_their_turns() {
         let mut outbox = Outbox::default();
-        let mut n_setpoints = 0;
+        let mut left = Vec::new();
         for n in 0..100 {
-            (0..8).for_each(|k| {
+            (0..16).for_each(|k| {
                 outbox.put(command(k));
             });
             outbox.put(setpoint(n));
-            let left: Vec<_> = (0..5).filter_map(|_| outbox.take()).collect();
-            let is_setpoint =
-                |o: &&Outgoing| matches!(o.message, MavMessage::SET_POSITION_TARGET_LOCAL_NED(_));
-            n_setpoints += left.iter().filter(is_setpoint).count();
+            outbox.put(odometry(n.into()));
+            left.extend((0..10).filter_map(|_| outbox.take()));
         }
-        assert_eq!(n_setpoints, 100);
+        let count = |of: fn(&MavMessage) -> bool| left.iter().filter(|o| of(&o.message)).count();
+        assert_eq!(count(|m| matches!(m, MavMessage::SET_POSITION_TARGET_LOCAL_NED(_))), 100);
+        assert_eq!(count(|m| matches!(m, MavMessage::ODOMETRY(_))), 100);
+        assert_eq!(count(|m| matches!(m, MavMessage::COMMAND_LONG(_))), 800);
     }
 
     #[test]

@@ -23,6 +23,8 @@ pub struct Inputs {
     pub has_lidar: bool,
     /// State of charge, 0 to 1.
     pub battery_ratio: Option<f64>,
+    /// When the battery was heard of last.
+    pub battery_heard_at: Option<Stamp<Mono>>,
     /// There is somewhere to fly.
     pub has_plan: bool,
     /// No waypoint is left.
@@ -43,8 +45,12 @@ pub struct Inputs {
     /// By how much the vehicle is nearer to walls, ceiling, obstacles, fence or material than its
     /// trajectory, beyond what is demanded there, m; 0 while it is not.
     pub intrusion_m: f64,
-    /// How far the vehicle is from where its trajectory has it now, m; 0 while either is unknown.
-    pub off_track_m: f64,
+    /// How far the vehicle is from where its trajectory has it, m; `None` while one of them is not
+    /// known as of now.
+    pub off_track_m: Option<f64>,
+    /// A vehicle that is held was so far, m, from where it was held that it is held where it is from
+    /// now on.
+    pub strayed_m: Option<f64>,
     /// Charge that the way home and the landing there will take, 0 to 1; `None` while unknown.
     pub way_home_ratio: Option<f64>,
     /// Height of the body over where the flight began, m; `None` without a pose.

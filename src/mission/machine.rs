@@ -41,8 +41,12 @@ pub struct Mission {
     off_track_since: Option<Stamp<Mono>>,
     /// Holds of this flight because of that.
     n_off_track: u32,
-    /// Since when every word on the battery says that it is empty.
+    /// When the battery was heard of for the first of all words in a row that say that it is empty.
     empty_since: Option<Stamp<Mono>>,
+    /// Since when the vehicle is nearer to something than it may be.
+    intruding_since: Option<Stamp<Mono>>,
+    /// When a start was called off after the companion had asked to arm.
+    called_off_at: Option<Stamp<Mono>>,
     /// The autopilot has begun to land.
     has_begun_landing: bool,
     /// In this preflight the autopilot has followed the companion.
@@ -76,6 +80,8 @@ impl Mission {
             off_track_since: None,
             n_off_track: 0,
             empty_since: None,
+            intruding_since: None,
+            called_off_at: None,
             has_begun_landing: false,
             was_companion: false,
             has_asked_to_arm: false,
@@ -159,11 +165,10 @@ impl Mission {
         if wanted == Preflight {
             self.is_into_gaps = verb == OperatorVerb::FlyGaps;
         }
-        let may_arm_yet = self.phase == Preflight && self.has_asked_to_arm;
+        let is_called_off = self.phase == Preflight && wanted == Idle;
         self.enter(wanted, "operator", inputs.now, effects);
-        if may_arm_yet {
-            // Nothing is in the air: motors that start after all are to stop at once.
-            effects.push(Effect::Command(VehicleCommand::Disarm));
+        if is_called_off {
+            self.stop_what_may_start(inputs, effects);
         }
         true
     }
@@ -189,7 +194,10 @@ impl Mission {
         }
         let is_empty =
             inputs.battery_ratio.is_some_and(|ratio| ratio < self.settings.land_battery_ratio);
-        self.empty_since = since(self.empty_since, is_empty, inputs.now);
+        let heard_at = inputs.battery_heard_at.unwrap_or(inputs.now);
+        self.empty_since = since(self.empty_since, is_empty, heard_at);
+        let is_intruding = inputs.intrusion_m > self.settings.max_intrusion_m;
+        self.intruding_since = since(self.intruding_since, is_intruding, inputs.now);
         if self.yields_to_others(inputs, effects) {
             return;
         }
@@ -197,7 +205,7 @@ impl Mission {
             return;
         }
         match self.phase {
-            Phase::Idle => {}
+            Phase::Idle => self.step_idle(inputs, effects),
             Phase::Preflight => self.step_preflight(inputs, effects),
             Phase::TakeOff => self.step_take_off(inputs, effects),
             Phase::Survey => self.step_survey(inputs, effects),
@@ -228,7 +236,11 @@ impl Mission {
         self.stuck_since = None;
         self.off_track_since = None;
         self.has_begun_landing = false;
+        if from == Phase::Preflight && to == Phase::Idle && self.has_asked_to_arm {
+            self.called_off_at = Some(now);
+        }
         if to == Phase::Preflight {
+            self.called_off_at = None;
             self.n_off_track = 0;
             self.is_complete = false;
             self.was_companion = false;

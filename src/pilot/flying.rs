@@ -28,8 +28,8 @@ const FARTHEST_OFF_M: f64 = 10_000.0;
 const DISAGREEMENT_OLD_AFTER: Duration = Duration::from_secs(1);
 /// After a declared jump further than this, m, the trajectory begins anew where the vehicle is.
 const JUMP_FOLLOWED_M: f64 = 0.3;
-/// In a hold the vehicle may be so far from where it holds, m, before it holds where it is.
-const HELD_WITHIN_M: f64 = 1.0;
+/// An own place older than this says nothing of where the vehicle is now: at 2 m/s, 0.3 m.
+const PLACE_OLD_AFTER: Duration = Duration::from_millis(150);
 /// Speed of a landing that the autopilot flies, m/s.
 const LANDING_MPS: f64 = 0.5;
 
@@ -82,6 +82,7 @@ impl Pilot {
                 .battery
                 .filter(|battery| self.now.since(battery.at) < BATTERY_OLD_AFTER)
                 .map(|battery| battery.remaining_ratio),
+            battery_heard_at: self.battery.map(|battery| battery.at),
             has_plan: self.route.plan.has_somewhere_to_go(),
             is_plan_done: self.route.plan.is_done(),
             is_plan_complete: self.route.plan.is_complete(),
@@ -94,7 +95,8 @@ impl Pilot {
             disagreement_m: self.recent_disagreement().map(|told| told.off_m),
             heading_disagreement_rad: self.recent_disagreement().and_then(|told| told.turned_rad),
             intrusion_m: self.intrusion_m(),
-            off_track_m: self.off_track_m(),
+            off_track_m: self.off_track_now_m(),
+            strayed_m: self.strayed_m,
             way_home_ratio: self.way_home_ratio(),
             height_over_home_m: self
                 .localizer
@@ -126,22 +128,31 @@ impl Pilot {
 
     /// By how much the vehicle is nearer to anything than its trajectory, beyond what is demanded.
     fn intrusion_m(&self) -> f64 {
-        let trajectory = self.route.path().trajectory();
-        let Some((place, trajectory)) = self.localizer.pose().zip(trajectory) else { return 0.0 };
-        let planned = trajectory.knot_at(self.now).position;
+        let Some((place, planned)) = self.place_and_plan() else { return 0.0 };
         let clearance = self.route.plan.clearance();
-        let is_at = clearance.shortfall(&place.origin.coords, &place.origin.coords);
+        let is_at = clearance.shortfall(&place, &place);
         let is_planned = clearance.shortfall(&planned, &planned);
         let beyond =
             |at_m: f64, planned_m: f64| if at_m > planned_m { at_m - planned_m } else { 0.0 };
         beyond(is_at.around_m, is_planned.around_m).max(beyond(is_at.below_m, is_planned.below_m))
     }
 
-    /// Distance from where the trajectory has the vehicle now, m; 0 while either is unknown.
-    fn off_track_m(&self) -> f64 {
-        let trajectory = self.route.path().trajectory();
-        let Some((place, trajectory)) = self.localizer.pose().zip(trajectory) else { return 0.0 };
-        (place.origin.coords - trajectory.knot_at(self.now).position).norm()
+    /// Where the vehicle was with the newest inertial sample, and where its trajectory had it then, m.
+    fn place_and_plan(&self) -> Option<(Vector3<f64>, Vector3<f64>)> {
+        let (place, at) = self.localizer.pose().zip(self.localizer.last_sample_at())?;
+        let trajectory = self.route.path().trajectory()?;
+        Some((place.origin.coords, trajectory.knot_at(at).position))
+    }
+
+    /// Distance from where the trajectory had the vehicle, at the newest inertial sample, m.
+    fn off_track_m(&self) -> Option<f64> {
+        self.place_and_plan().map(|(place, planned)| (place - planned).norm())
+    }
+
+    /// The same where that sample is of now.
+    fn off_track_now_m(&self) -> Option<f64> {
+        let is_new = |at| self.now.since(at) < PLACE_OLD_AFTER;
+        self.off_track_m().filter(|_| self.localizer.last_sample_at().is_some_and(is_new))
     }
 
     /// Charge for the way over the pad and down, at the consumption so far.
@@ -156,6 +167,7 @@ impl Pilot {
     /// After a declared jump of the own place the trajectory leads from where the vehicle was
     /// thought to be; and in a hold nothing is worth flying back to where the vehicle is not.
     pub(super) fn follow_vehicle(&mut self) {
+        self.strayed_m = None;
         let Some(estimate) = self.localizer.estimate() else { return };
         let has_jumped = estimate.reset_counter != self.reset_counter;
         if has_jumped {
@@ -163,29 +175,58 @@ impl Pilot {
             self.disagreement = None;
             self.autopilot_pose = None;
         }
-        let may_be_off_m = match self.phase() {
-            _ if has_jumped => JUMP_FOLLOWED_M,
-            Phase::Hold if self.localizer.is_trusted(self.now) => HELD_WITHIN_M,
-            _ => return,
-        };
-        if !self.mission.is_steering() || self.off_track_m() <= may_be_off_m {
+        if !self.mission.is_steering() {
             return;
         }
-        self.stop_from_motion(&estimate);
+        if has_jumped {
+            if self.off_track_m().is_some_and(|off_m| off_m > JUMP_FOLLOWED_M) {
+                let motion = self.motion(&estimate);
+                self.route.path_mut().stop_from(&motion, self.now);
+                self.go_on_over_home();
+            }
+        } else if self.phase() == Phase::Hold {
+            let held_within_m = self.settings.mission.max_off_track_m;
+            let strayed_m = self.off_track_now_m().filter(|off_m| *off_m > held_within_m);
+            if strayed_m.is_some() && self.stops_where_it_is() {
+                self.strayed_m = strayed_m;
+            }
+        }
+    }
+
+    /// On the ways up and home: flies on from where it is.
+    fn go_on_over_home(&mut self) {
         let over_home = self.home.map(|home| self.above(&home));
         if let (Phase::TakeOff | Phase::Return, Some(over_home)) = (self.phase(), over_home) {
             self.route.go_to(over_home, self.now);
         }
     }
 
-    /// The trajectory begins anew in the motion that the vehicle really has: from rest there, it
-    /// would shoot past it and be pulled back faster than anything that is planned.
-    fn stop_from_motion(&mut self, estimate: &NavEstimate) {
+    /// Has the trajectory stop from the motion that the vehicle really has. Not where that would end
+    /// nearer to something than it may be: from there it is led back to where it was meant to be.
+    /// True if so.
+    fn stops_where_it_is(&mut self) -> bool {
+        let Some(estimate) = self.trusted_estimate() else { return false };
+        let motion = self.motion(&estimate);
+        let mut path = self.route.path().clone();
+        path.stop_from(&motion, self.now);
+        let Some(end) = path.trajectory().map(|trajectory| trajectory.end().position) else {
+            return false;
+        };
+        let is_clear = self.route.plan.clearance().is_way_clear(&motion.position, &end);
+        if is_clear {
+            *self.route.path_mut() = path;
+        }
+        is_clear
+    }
+
+    /// The motion that the vehicle has now: a trajectory that began at rest would shoot past it and be
+    /// pulled back faster than anything that is planned.
+    fn motion(&self, estimate: &NavEstimate) -> Knot {
         let planning = self.route.settings();
         let velocity = estimate.velocity_mps.coords.cap_magnitude(planning.limits.speed_mps);
-        let place = estimate.hall_from_body.origin.coords;
-        let motion = Knot::steady(place, velocity, planning.yaw_rad);
-        self.route.path_mut().stop_from(&motion, self.now);
+        let age = self.now.since(estimate.at).min(PLACE_OLD_AFTER);
+        let place = estimate.hall_from_body.origin.coords + velocity * age.as_secs_f64();
+        Knot::steady(place, velocity, planning.yaw_rad)
     }
 
     fn is_at_target(&self) -> bool {
@@ -259,12 +300,12 @@ impl Pilot {
                     self.route.go_to(over_home, self.now);
                 }
             }
-            Phase::Hold => match self.trusted_estimate() {
-                Some(estimate) if self.off_track_m() > JUMP_FOLLOWED_M => {
-                    self.stop_from_motion(&estimate);
+            Phase::Hold => {
+                let is_off = self.off_track_now_m().is_some_and(|off_m| off_m > JUMP_FOLLOWED_M);
+                if !(is_off && self.stops_where_it_is()) {
+                    self.route.path_mut().brake(self.now);
                 }
-                _ => self.route.path_mut().brake(self.now),
-            },
+            }
             Phase::Idle | Phase::Land | Phase::Abort => self.route.path_mut().let_go(),
             // Where the flight was broken off the plan may not lead any more.
             Phase::Survey if from == Phase::Hold => self.route.plan.ask_from_here(),

@@ -9,6 +9,7 @@ use super::status::{ServiceStats, ServiceStatus};
 use crate::link::transport::{Outgoing, Received, Transport};
 use crate::link::{PAGE, Session, SessionOutput};
 use crate::messages::{OperatorAnswer, OperatorVerb, Severity};
+use crate::mission::Phase;
 use crate::pilot::{Action, Event, Job, JobId, JobOutput, Pilot};
 use crate::time::{Mono, Stamp};
 use crate::web::{Feed, Pulse, Wish};
@@ -25,8 +26,10 @@ use tokio_util::sync::CancellationToken;
 const TICKS_PER_STATUS: u64 = 6;
 /// What waits in an input when a tick strikes is taken in first, but no more than this.
 const MAX_BEFORE_TICK: usize = 256;
-/// An autopilot that hears takes a command within some tenths of a second.
-const LANDS_WITHIN: Duration = Duration::from_secs(1);
+/// A landing from any usual height, and what the autopilot waits before it stops the motors.
+const LANDS_WITHIN: Duration = Duration::from_secs(60);
+/// Without a tick for so long, by the wall, the clock is that of a simulation which has ended.
+const STANDS_AFTER: Duration = Duration::from_secs(2);
 const WARN_EVERY: Duration = Duration::from_secs(1);
 const WARN_AT_LEAST_EVERY: Duration = Duration::from_secs(60);
 /// Frames that the guard refuses may come for as long as somebody sends them.
@@ -151,27 +154,31 @@ impl Brain {
         self.work_off();
     }
 
-    /// A vehicle that is steered from here is told to land before the setpoints end: left to itself, one
-    /// that has no other position than ours drifts until its own failsafe notices.
+    /// A vehicle in the air lands before the brain ends, with ODOMETRY to the ground: left to itself, one
+    /// that has no other position than ours drifts until its own failsafe notices, and lands blind.
     async fn land_first(&mut self, inputs: &mut Inputs) {
-        if !self.pilot.phase().is_steering() {
-            return;
-        }
-        if let Some(event) = self.session.on_own_wish(OperatorVerb::Land, self.clock.now()) {
+        if self.pilot.phase().is_steering()
+            && let Some(event) = self.session.on_own_wish(OperatorVerb::Land, self.clock.now())
+        {
             self.events.push_back(event);
             self.work_off();
         }
         let never = CancellationToken::new();
-        let answered = async {
-            while self.session.awaits_answers() {
-                let happening = self.next(inputs, &never).await;
-                self.take(happening, inputs);
-            }
-        };
-        // By the wall, for the clock of a simulation may stand.
-        if tokio::time::timeout(LANDS_WITHIN, answered).await.is_err() {
-            tracing::error!("the autopilot has not answered: it is left to its own failsafe");
+        let until = self.clock.now().plus(LANDS_WITHIN);
+        while !self.is_at_rest() && self.clock.now() < until {
+            let next = self.next(inputs, &never);
+            let Ok(happening) = tokio::time::timeout(STANDS_AFTER, next).await else { break };
+            self.take(happening, inputs);
         }
+        if !self.is_at_rest() {
+            tracing::error!("not seen to have landed: the vehicle is left to its autopilot");
+        }
+    }
+
+    /// Nothing is flown, asked or worked out.
+    fn is_at_rest(&self) -> bool {
+        let is_let_go = matches!(self.pilot.phase(), Phase::Idle | Phase::Abort);
+        is_let_go && !self.session.awaits_answers() && !self.pilot.is_finishing()
     }
 
     /// Waits for whatever comes first. Ticks stand before data, so that no flood starves them.

@@ -17,7 +17,7 @@ use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use tokio::sync::{mpsc, watch};
 use tokio::task::JoinHandle;
-use tokio_util::sync::CancellationToken;
+use tokio_util::sync::{CancellationToken, DropGuard};
 
 /// Scans that may wait for the brain: three seconds of turns at 10 Hz.
 const SCANS_WAITING: usize = 32;
@@ -79,6 +79,8 @@ pub struct Onboard {
     page: Option<RunningPage>,
     live: Option<record::RunningLive>,
     log: PathBuf,
+    /// Ends the sensors and the page when it is dropped, after the brain: a vehicle that lands needs them.
+    sensors_stop: DropGuard,
 }
 
 /// The counters at the end.
@@ -109,9 +111,11 @@ impl Onboard {
             OnboardError::Detections { address: config.detections.clone(), source }
         })?;
         let Surroundings { clock, stop, waits_for_disk } = around;
+        let sensors = CancellationToken::new();
+        let sensors_stop = sensors.clone().drop_guard();
         let (scans_tx, scans) = mpsc::channel(SCANS_WAITING);
         let lidar_clock = clock.clone();
-        let lidar = Driver::start(lidar, move || lidar_clock.now(), scans_tx, &stop)?;
+        let lidar = Driver::start(lidar, move || lidar_clock.now(), scans_tx, &sensors)?;
         let shelf = config.storage_settings()?;
         let log = log_path(&shelf.folder);
         let (live, running_live) = start_live(config.foxglove_address()?).unzip();
@@ -123,22 +127,25 @@ impl Onboard {
             None => Box::new(NoLog::default()),
         };
         let (frames_tx, tags) = mpsc::channel(FRAMES_WAITING);
-        let images = start_cameras(config, &clock, &frames_tx, &stop)?;
+        let images = start_cameras(config, &clock, &frames_tx, &sensors)?;
         let (detections_addr, camera_stats) = (listener.local_addr(), listener.stats());
         let camera_clock = clock.clone();
-        let detections =
-            tokio::spawn(listener.run(move || camera_clock.now(), frames_tx, stop.child_token()));
+        let detections = tokio::spawn(listener.run(
+            move || camera_clock.now(),
+            frames_tx,
+            sensors.child_token(),
+        ));
         let (storage_tx, storage) = mpsc::channel(STORAGE_WAITING);
         let watch_clock = clock.clone();
-        let watch_stop = stop.child_token();
-        let sensors = Sensors { lidar: lidar.status(), camera: camera_stats.clone() };
+        let watch_stop = sensors.child_token();
+        let seen = Sensors { lidar: lidar.status(), camera: camera_stats.clone() };
         let around = web::Surroundings {
             scene,
             floor,
             space: pilot.free_space(),
-            sensors,
+            sensors: seen,
             log: log.clone(),
-            stop: stop.child_token(),
+            stop: sensors.child_token(),
         };
         let (page, running) = page.and_then(|page| start_page(&page, around)).unzip();
         let recorder = Some(recorder);
@@ -157,6 +164,7 @@ impl Onboard {
             page: running,
             live: running_live,
             log,
+            sensors_stop,
         })
     }
 
@@ -226,13 +234,13 @@ impl Onboard {
         while status.changed().await.is_ok() {}
     }
 
-    /// Somebody has asked for the end.
+    /// Everything has ended, or the brain by itself.
     #[must_use]
-    pub fn is_ending(&self) -> bool {
-        self.service.is_ending()
+    pub fn has_ended(&self) -> bool {
+        self.service.status().has_changed().is_err()
     }
 
-    /// Asks everything to end; a vehicle that is steered is told to land first.
+    /// Asks everything to end; a vehicle in the air lands first.
     pub fn stop(&self) {
         self.service.stop();
     }
@@ -245,6 +253,7 @@ impl Onboard {
         let lidar = self.lidar.status();
         let images = self.images();
         let service = self.service.join().await?;
+        drop(self.sensors_stop);
         if let Err(error) = self.detections.await {
             tracing::error!(%error, "the detection listener died");
         }

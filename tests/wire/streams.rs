@@ -84,7 +84,7 @@ async fn a_peer_that_takes_nothing_gets_nothing_old() {
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let (transport, driver, stop) =
         open(&format!("tcpout:{}", listener.local_addr().unwrap())).await;
-    let (peer, _) = patiently(listener.accept()).await.unwrap();
+    let (mut peer, _) = patiently(listener.accept()).await.unwrap();
     until(|| transport.stats().opened == 1).await;
     let text = STATUSTEXT_DATA { text: "x".repeat(50).as_str().into(), ..Default::default() };
     // Until the buffers of both ends are full.
@@ -109,7 +109,12 @@ async fn a_peer_that_takes_nothing_gets_nothing_old() {
     // All that had waited is thrown away, and so is what the heartbeat would have led.
     until(|| transport.stats().send_failed > 0).await;
     assert_eq!(transport.stats().sent, sent_before);
-    drop(peer);
+    // Nor does the system deliver what it still held: the old connection ends with a reset.
+    let mut taken = Vec::new();
+    let end = patiently(peer.read_to_end(&mut taken)).await;
+    assert_eq!(end.unwrap_err().kind(), std::io::ErrorKind::ConnectionReset);
+    let n_frames = taken.iter().filter(|byte| **byte == 0xfd).count() as u64;
+    assert!(n_frames < sent_before, "{n_frames} of {sent_before} frames came");
     stop.cancel();
     patiently(transport.join()).await;
 }

@@ -56,7 +56,7 @@ pub struct Bench {
 }
 
 /// A pile hall, a few legs, and a map that is quick to keep: the volume is not what is judged.
-fn scenario(flavour: Flavour, seed: u64) -> anyhow::Result<Scenario> {
+pub(super) fn scenario(flavour: Flavour, seed: u64) -> anyhow::Result<Scenario> {
     Ok(Scenario {
         world: World::piles(seed).context("a generated world")?,
         planner: Planner::SquareWave,

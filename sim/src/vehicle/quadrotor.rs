@@ -203,6 +203,11 @@ impl Vehicle {
         &self.imu
     }
 
+    /// From now on the air moves by this in addition, m/s in hall axes.
+    pub const fn blast(&mut self, velocity_mps: Vector3<f64>) {
+        self.wind.blast(velocity_mps);
+    }
+
     /// The air at the vehicle, m/s in hall axes.
     #[must_use]
     pub fn wind_mps(&self) -> Vector3<f64> {

@@ -46,6 +46,7 @@ pub struct Wind {
     noise: Noise,
     gust_mps: Vector3<f64>,
     draught_mps: Vector3<f64>,
+    blast_mps: Vector3<f64>,
     gust_kept: f64,
     draught_kept: f64,
 }
@@ -60,7 +61,13 @@ impl Wind {
         let draught_mps = settings.draught_sigma_mps.component_mul(&noise.normal3());
         let gust_kept = (-step_s / settings.gust_time_s).exp();
         let draught_kept = (-step_s / settings.draught_time_s).exp();
-        Self { settings, noise, gust_mps, draught_mps, gust_kept, draught_kept }
+        let blast_mps = Vector3::zeros();
+        Self { settings, noise, gust_mps, draught_mps, blast_mps, gust_kept, draught_kept }
+    }
+
+    /// From now on the air moves by this in addition, m/s: a door, a fan.
+    pub const fn blast(&mut self, velocity_mps: Vector3<f64>) {
+        self.blast_mps = velocity_mps;
     }
 
     /// Moves the air by one step; exact for a first-order process.
@@ -78,7 +85,7 @@ impl Wind {
     /// Velocity of the air in `Hall` axes, m/s.
     #[must_use]
     pub fn velocity_mps(&self) -> Vector3<f64> {
-        self.settings.mean_mps + self.gust_mps + self.draught_mps
+        self.settings.mean_mps + self.gust_mps + self.draught_mps + self.blast_mps
     }
 }
 

@@ -5,7 +5,8 @@ use super::{Autopilot, MODE_NEWS_EVERY, RIVAL_REMEMBERED_FOR, Session, SessionOu
 use crate::link::dialect::Dialect;
 use crate::link::{AUTOPILOT_COMPONENT, OWN_COMPONENT, PAGE, inbound};
 use crate::messages::{
-    LandedState, OperatorAnswer, OperatorCommand, OperatorRequest, OperatorVerb, Severity,
+    FlightMode, LandedState, OperatorAnswer, OperatorCommand, OperatorRequest, OperatorVerb,
+    Severity,
 };
 use crate::pilot::Event;
 use crate::time::{Mono, Stamp};
@@ -177,10 +178,13 @@ impl Session {
         let is_prompt = autopilot.tells_mode_at_once(arrived);
         autopilot.mode_heard_at = Some(arrived);
         let state = &mut autopilot.state;
-        // Whether a silent autopilot is back is for its heartbeat to say.
-        if !autopilot.is_lost && (state.mode, state.is_mode_prompt) != (mode, is_prompt) {
+        // Whether a silent autopilot is back is for its heartbeat to say; that somebody else has the
+        // vehicle cannot wait for that.
+        let is_told = !autopilot.is_lost || mode != FlightMode::Companion;
+        if is_told && (state.mode, state.is_mode_prompt) != (mode, is_prompt) {
             (state.mode, state.is_mode_prompt, state.at) = (mode, is_prompt, arrived);
             out.events.push(Event::Vehicle(*state));
+            out.events.extend(autopilot.is_lost.then_some(Event::AutopilotLost(arrived)));
         }
     }
 
@@ -203,7 +207,9 @@ impl Session {
         if autopilot.state.landed != landed {
             autopilot.state.landed = landed;
             autopilot.state.at = arrived;
-            out.events.push(Event::Vehicle(autopilot.state));
+            if !autopilot.is_lost {
+                out.events.push(Event::Vehicle(autopilot.state));
+            }
         }
     }
 

@@ -23,6 +23,8 @@ const SEND_BUFFER_BYTES: u32 = 4_096;
 const STALLED_AFTER: Duration = Duration::from_secs(1);
 /// An autopilot sends a heartbeat every second.
 const SILENT_AFTER: Duration = Duration::from_secs(5);
+/// An attempt to open takes no longer: the system's own are made at ever longer intervals.
+const OPENED_WITHIN: Duration = Duration::from_secs(3);
 
 /// Something that can be opened again and again.
 pub(super) trait Opener: Send + 'static {
@@ -33,6 +35,8 @@ pub(super) trait Opener: Send + 'static {
     fn silent_after(&self) -> Option<Duration> {
         None
     }
+    /// What waits in a stream that has broken must not be delivered any more.
+    fn forsake(&self, _stream: &Self::Stream) {}
     /// How fast the line takes bytes, where that is known.
     fn pace(&self) -> Option<Pace> {
         None
@@ -61,6 +65,13 @@ impl Opener for Tcp {
     /// Half of a connection can be gone for minutes before the system notices.
     fn silent_after(&self) -> Option<Duration> {
         Some(SILENT_AFTER)
+    }
+
+    /// A usual end would have the system deliver for minutes what the peer has not taken, orders too.
+    fn forsake(&self, stream: &TcpStream) {
+        if let Err(error) = stream.set_zero_linger() {
+            tracing::warn!(%error, "what waits in the broken connection may still arrive");
+        }
     }
 
     fn name(&self) -> &str {
@@ -128,20 +139,28 @@ pub(super) async fn run<O: Opener, T: Timer>(
 
 /// Opens the stream and moves frames until it breaks; `Ok` if nobody sends any more.
 async fn serve_once<O: Opener, T: Timer>(opener: &O, ends: &mut Ends<T>) -> io::Result<()> {
-    let stream = opener.open().await?;
+    let given_up_at = ends.timer.now().plus(OPENED_WITHIN);
+    let stream = tokio::select! {
+        stream = opener.open() => stream?,
+        () = ends.timer.sleep_until(given_up_at) => return Err(io::ErrorKind::TimedOut.into()),
+    };
     count(&ends.counters.opened);
     tracing::info!(link = opener.name(), "the link is open");
     // What waited while the link was down is stale: a setpoint of a second ago must not be flown.
     let n_stale = ends.outgoing.clear() as u64;
     ends.counters.send_failed.fetch_add(n_stale, Ordering::Relaxed);
-    let (reader, writer) = tokio::io::split(stream);
+    let (mut reader, mut writer) = tokio::io::split(stream);
     let (counters, guard) = (Arc::clone(&ends.counters), Arc::clone(&ends.guard));
     let (received, timer) = (ends.received.clone(), ends.timer.clone());
-    tokio::select! {
-        error = read_all(reader, &received, &counters, &guard, &timer) => Err(error),
+    let result = tokio::select! {
+        error = read_all(&mut reader, &received, &counters, &guard, &timer) => Err(error),
         error = silence(opener.silent_after(), &counters, &timer) => Err(error),
-        result = write_all(writer, opener.pace(), ends) => result,
+        result = write_all(&mut writer, opener.pace(), ends) => result,
+    };
+    if result.is_err() {
+        opener.forsake(&reader.unsplit(writer));
     }
+    result
 }
 
 /// Comes back once no frame has come for so long.

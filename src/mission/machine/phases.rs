@@ -7,11 +7,34 @@ use crate::messages::{
 use crate::mission::Phase;
 use crate::mission::decision::{Effect, Inputs};
 use crate::mission::guards::{preflight_faults, preflight_line};
+use std::time::Duration;
 
 /// A commanded take-off counts as done from this share of its height on.
 const LIFTED_RATIO: f64 = 0.7;
 
+/// Motors that were asked to start may do so for so long after the start was called off.
+const MAY_ARM_YET_FOR: Duration = Duration::from_secs(10);
+
 impl Mission {
+    /// Motors that start although the start was called off stop again.
+    pub(super) fn step_idle(&mut self, inputs: &Inputs, effects: &mut Vec<Effect>) {
+        if inputs.vehicle.is_some_and(|vehicle| vehicle.is_armed) {
+            self.stop_what_may_start(inputs, effects);
+        }
+    }
+
+    /// After a start that was called off the autopilot may arm yet, for it was asked to.
+    pub(super) fn stop_what_may_start(&mut self, inputs: &Inputs, effects: &mut Vec<Effect>) {
+        let may_arm_yet =
+            self.called_off_at.is_some_and(|at| inputs.now.since(at) < MAY_ARM_YET_FOR);
+        let is_ours_on_ground = inputs.vehicle.is_some_and(|vehicle| {
+            vehicle.mode == FlightMode::Companion && vehicle.landed == LandedState::OnGround
+        });
+        if may_arm_yet && is_ours_on_ground {
+            self.ask(VehicleCommand::Disarm, inputs.now, effects);
+        }
+    }
+
     pub(super) fn step_preflight(&mut self, inputs: &Inputs, effects: &mut Vec<Effect>) {
         let waited = inputs.now.since(self.entered_at);
         let is_companion = inputs.vehicle.is_some_and(|v| v.mode == FlightMode::Companion);
@@ -36,6 +59,7 @@ impl Mission {
             };
             effects.push(Effect::Say(Severity::Error, format!("no take-off: {reason}")));
             self.enter(Phase::Idle, &reason, inputs.now, effects);
+            self.stop_what_may_start(inputs, effects);
             return;
         }
         if !faults.is_empty() || waited < self.settings.stream_before_mode {
@@ -134,7 +158,7 @@ impl Mission {
 
     pub(super) fn step_hold(&mut self, inputs: &Inputs, effects: &mut Vec<Effect>) {
         let waited = inputs.now.since(self.entered_at);
-        if self.lands_on_battery(inputs, effects) {
+        if self.lands_on_battery(inputs, effects) || self.lands_on_straying(inputs, effects) {
             return;
         }
         if !inputs.has_position {
@@ -151,6 +175,9 @@ impl Mission {
             }
             return;
         }
+        if self.lands_too_near(inputs, effects) {
+            return;
+        }
         // Somebody may stand on the way home: a hold asked for on it is kept.
         let is_kept = self.hold_cause == HoldCause::Operator && self.resume_to == Phase::Return;
         if !is_kept && self.returns_on_battery(inputs, effects) {
@@ -161,7 +188,9 @@ impl Mission {
             HoldCause::FixLost => true,
             HoldCause::LidarLost => inputs.has_lidar,
             HoldCause::TooNear => inputs.intrusion_m <= 0.0,
-            HoldCause::OffTrack => inputs.off_track_m <= self.settings.max_off_track_m,
+            HoldCause::OffTrack => {
+                inputs.off_track_m.is_some_and(|off_m| off_m <= self.settings.max_off_track_m)
+            }
         };
         if is_recovered {
             let since = *self.recovered_since.get_or_insert(inputs.now);
@@ -170,13 +199,6 @@ impl Mission {
             }
         } else {
             self.recovered_since = None;
-            if self.hold_cause == HoldCause::TooNear && waited > self.settings.land_after_intrusion
-            {
-                let text = "does not get clear: landing".to_owned();
-                effects.push(Effect::Say(Severity::Critical, text));
-                self.enter(Phase::Land, "too near to something", inputs.now, effects);
-                return;
-            }
             let is_lidar_gone = self.hold_cause == HoldCause::LidarLost;
             if is_lidar_gone && waited > self.settings.return_after_lidar_lost {
                 self.enter(Phase::Return, "LiDAR does not come back", inputs.now, effects);

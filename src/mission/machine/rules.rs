@@ -23,10 +23,10 @@ impl Mission {
             (FlightMode::Land, Phase::Land) | (FlightMode::Companion, _) => true,
             _ => false,
         };
-        // On the ground PX4 leaves its landing by itself.
+        // On the ground PX4 leaves a landing by itself, once it has begun it.
         let is_landing = self.phase == Phase::Land
             && vehicle.is_armed
-            && vehicle.landed != LandedState::OnGround;
+            && (vehicle.landed != LandedState::OnGround || !self.has_begun_landing);
         if (is_flown_by_us || is_landing) && !is_ours {
             let reason = format!("mode changed to {:?}", vehicle.mode);
             self.enter(Phase::Abort, &reason, inputs.now, effects);
@@ -87,24 +87,62 @@ impl Mission {
     /// The vehicle does not follow: it is blown away, or hears nothing. What it would be told next leads
     /// it in a straight line to where it is not, so its trajectory begins anew where it is. True if so.
     pub(super) fn holds_off_track(&mut self, inputs: &Inputs, effects: &mut Vec<Effect>) -> bool {
-        let is_off = inputs.off_track_m > self.settings.max_off_track_m;
+        let is_off = inputs.off_track_m.is_some_and(|off_m| off_m > self.settings.max_off_track_m);
         self.off_track_since = since(self.off_track_since, is_off, inputs.now);
         let is_lasting = |at: Stamp<Mono>| inputs.now.since(at) >= self.settings.off_track_for;
         if !self.off_track_since.is_some_and(is_lasting) {
             return false;
         }
-        self.n_off_track += 1;
-        let off_m = inputs.off_track_m;
-        if self.n_off_track > self.settings.most_off_track_holds {
-            let text = format!("{off_m:.1} m off its path again: landing");
-            effects.push(Effect::Say(Severity::Critical, text));
-            self.enter(Phase::Land, "does not follow its trajectory", inputs.now, effects);
+        let off_m = inputs.off_track_m.unwrap_or(0.0);
+        if self.lands_off_track(off_m, inputs.now, effects) {
             return true;
         }
         self.resume_to = self.phase;
         self.hold_cause = HoldCause::OffTrack;
         effects.push(Effect::Say(Severity::Warning, format!("{off_m:.1} m off its path: holding")));
         self.enter(Phase::Hold, "does not follow its trajectory", inputs.now, effects);
+        true
+    }
+
+    /// In a hold: a vehicle that does not keep its place is held where it is, but not for ever. True if it
+    /// lands.
+    pub(super) fn lands_on_straying(&mut self, inputs: &Inputs, effects: &mut Vec<Effect>) -> bool {
+        let Some(off_m) = inputs.strayed_m else { return false };
+        self.recovered_since = None;
+        if self.lands_off_track(off_m, inputs.now, effects) {
+            return true;
+        }
+        let text = format!("{off_m:.1} m off its place: holding here");
+        effects.push(Effect::Say(Severity::Warning, text));
+        false
+    }
+
+    /// Counts that the vehicle did not follow. True if that was once too often.
+    fn lands_off_track(&mut self, off_m: f64, now: Stamp<Mono>, effects: &mut Vec<Effect>) -> bool {
+        self.n_off_track += 1;
+        if self.n_off_track <= self.settings.most_off_track_holds {
+            return false;
+        }
+        let text = format!("{off_m:.1} m off its path again: landing");
+        effects.push(Effect::Say(Severity::Critical, text));
+        self.enter(Phase::Land, "does not follow its trajectory", now, effects);
+        true
+    }
+
+    /// In a hold, whatever it began with: where it does not get clear it lands.
+    pub(super) fn lands_too_near(&mut self, inputs: &Inputs, effects: &mut Vec<Effect>) -> bool {
+        let is_near = inputs.intrusion_m > 0.0;
+        let began_at = match self.hold_cause {
+            HoldCause::TooNear if is_near => Some(self.entered_at),
+            _ => self.intruding_since,
+        };
+        let patience = self.settings.land_after_intrusion;
+        if !began_at.is_some_and(|at| inputs.now.since(at) > patience) {
+            return false;
+        }
+        let text = "does not get clear: landing".to_owned();
+        effects.push(Effect::Say(Severity::Critical, text));
+        self.enter(Phase::Land, "too near to something", inputs.now, effects);
         true
     }
 
@@ -133,9 +171,12 @@ impl Mission {
         true
     }
 
-    /// One wild word on the battery lands nobody.
+    /// One wild word on the battery lands nobody, however long no other comes.
     pub(super) fn lands_on_battery(&mut self, inputs: &Inputs, effects: &mut Vec<Effect>) -> bool {
-        let is_lasting = |at: Stamp<Mono>| inputs.now.since(at) >= self.settings.battery_empty_for;
+        let is_lasting = |first_at: Stamp<Mono>| {
+            inputs.now.since(first_at) >= self.settings.battery_empty_for
+                && inputs.battery_heard_at.is_none_or(|last_at| last_at > first_at)
+        };
         let is_empty = self.empty_since.is_some_and(is_lasting);
         if is_empty {
             effects.push(Effect::Say(Severity::Critical, "battery empty: landing".to_owned()));

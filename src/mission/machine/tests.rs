@@ -13,6 +13,7 @@ fn inputs(seconds: f64) -> Inputs {
         is_late: false,
         has_lidar: true,
         battery_ratio: Some(0.9),
+        battery_heard_at: None,
         has_plan: true,
         has_gaps: false,
         is_plan_done: false,
@@ -22,7 +23,8 @@ fn inputs(seconds: f64) -> Inputs {
         disagreement_m: Some(0.05),
         heading_disagreement_rad: Some(-0.03),
         intrusion_m: 0.0,
-        off_track_m: 0.0,
+        off_track_m: Some(0.0),
+        strayed_m: None,
         way_home_ratio: None,
         height_over_home_m: Some(0.0),
         is_trajectory_over: false,
@@ -261,13 +263,24 @@ fn low_battery_returns_and_empty_battery_lands() {
     let mut effects = Vec::new();
     mission.step(&Inputs { battery_ratio: Some(0.2), ..flying(20.0) }, &mut effects);
     assert_eq!(mission.phase(), Phase::Return);
-    let told = |seconds, ratio| Inputs { battery_ratio: Some(ratio), ..flying(seconds) };
-    // One wild word, and a battery that is seldom heard of, land nobody.
-    for (seconds, ratio) in [(25.0, 0.0), (26.9, 0.0), (27.0, 0.2), (29.0, 0.1), (31.4, 0.1)] {
-        mission.step(&told(seconds, ratio), &mut effects);
+    let told = |seconds, heard_s, ratio| Inputs {
+        battery_ratio: Some(ratio),
+        battery_heard_at: Some(Stamp::ZERO.plus(Duration::from_secs_f64(heard_s))),
+        ..flying(seconds)
+    };
+    // One wild word lands nobody, although no other comes for long, and two in a row no sooner than 2.5 s.
+    for (seconds, heard_s, ratio) in [
+        (25.0, 25.0, 0.0),
+        (28.9, 25.0, 0.0),
+        (29.0, 29.0, 0.2),
+        (31.0, 31.0, 0.1),
+        (33.0, 33.0, 0.1),
+        (33.4, 33.0, 0.1),
+    ] {
+        mission.step(&told(seconds, heard_s, ratio), &mut effects);
         assert_eq!(mission.phase(), Phase::Return, "{seconds}");
     }
-    mission.step(&told(31.6, 0.1), &mut effects);
+    mission.step(&told(33.6, 33.0, 0.1), &mut effects);
     assert_eq!(mission.phase(), Phase::Land);
 }
 
@@ -275,7 +288,7 @@ fn low_battery_returns_and_empty_battery_lands() {
 fn a_vehicle_that_does_not_follow_holds_where_it_is_and_lands_the_third_time() {
     let mut mission = surveying();
     let mut effects = Vec::new();
-    let off = |seconds, off_track_m| Inputs { off_track_m, ..flying(seconds) };
+    let off = |seconds, off_m| Inputs { off_track_m: Some(off_m), ..flying(seconds) };
     // A gust is no reason.
     mission.step(&off(20.0, 1.5), &mut effects);
     mission.step(&off(20.2, 0.9), &mut effects);
@@ -285,6 +298,7 @@ fn a_vehicle_that_does_not_follow_holds_where_it_is_and_lands_the_third_time() {
         mission.step(&off(began, 1.5), &mut effects);
         mission.step(&off(began + 0.31, 2.5), &mut effects);
         assert_eq!(mission.phase(), Phase::Hold);
+        // Something stands where it is: it is led back, and the survey waits for it.
         mission.step(&off(began + 0.5, 2.5), &mut effects);
         mission.step(&off(began + 2.0, 2.5), &mut effects);
         assert_eq!(mission.phase(), Phase::Hold, "not while it is off");
@@ -294,6 +308,51 @@ fn a_vehicle_that_does_not_follow_holds_where_it_is_and_lands_the_third_time() {
     }
     mission.step(&off(50.0, 1.5), &mut effects);
     mission.step(&off(50.31, 1.5), &mut effects);
+    assert_eq!(mission.phase(), Phase::Land);
+}
+
+/// Held where it is each time that it is a metre off, which is not for ever.
+#[test]
+fn a_vehicle_that_does_not_keep_its_place_does_not_recover_and_lands_the_third_time() {
+    let strayed = |seconds| Inputs { strayed_m: Some(1.1), ..flying(seconds) };
+    for (verb, resumes) in [(Some(OperatorVerb::Hold), false), (None, true)] {
+        let mut mission = surveying();
+        let mut effects = Vec::new();
+        if let Some(verb) = verb {
+            assert!(mission.on_operator(verb, &flying(20.0), &mut effects));
+        } else {
+            mission.step(&Inputs { has_lidar: false, ..flying(20.0) }, &mut effects);
+        }
+        mission.step(&flying(20.5), &mut effects);
+        mission.step(&strayed(21.4), &mut effects);
+        mission.step(&flying(22.3), &mut effects);
+        assert_eq!(mission.phase(), Phase::Hold, "not within a second after it strayed");
+        mission.step(&strayed(23.2), &mut effects);
+        mission.step(&flying(24.1), &mut effects);
+        assert_eq!(mission.phase(), Phase::Hold);
+        let mut calm = mission.clone();
+        calm.step(&flying(25.2), &mut effects);
+        assert_eq!(calm.phase() == Phase::Survey, resumes);
+        let said = |e: &Effect| matches!(e, Effect::Say(_, text) if text.contains("1.1 m off"));
+        assert_eq!(effects.iter().filter(|effect| said(effect)).count(), 2);
+        mission.step(&strayed(24.5), &mut effects);
+        assert_eq!(mission.phase(), Phase::Land);
+    }
+}
+
+#[test]
+fn a_hold_of_any_cause_lands_where_it_does_not_get_clear() {
+    let mut mission = surveying();
+    let mut effects = Vec::new();
+    assert!(mission.on_operator(OperatorVerb::Hold, &flying(20.0), &mut effects));
+    let near = |seconds, intrusion_m| Inputs { intrusion_m, ..flying(seconds) };
+    // A gust that passes is no reason.
+    for (seconds, intrusion_m) in [(30.0, 0.2), (32.0, 0.2), (32.5, 0.0), (33.0, 0.2), (35.9, 0.2)]
+    {
+        mission.step(&near(seconds, intrusion_m), &mut effects);
+        assert_eq!(mission.phase(), Phase::Hold, "{seconds}");
+    }
+    mission.step(&near(36.1, 0.2), &mut effects);
     assert_eq!(mission.phase(), Phase::Land);
 }
 
@@ -318,12 +377,20 @@ fn whoever_takes_the_vehicle_out_of_a_landing_has_it() {
         (22..30).for_each(|s| mission.step(&landing(s.into(), mode, InAir), &mut effects));
         assert!(!effects.iter().any(|e| matches!(e, Effect::Command(_))), "{effects:?}");
     }
-    // Also before the landing has begun; but what PX4 does on the ground is its own affair.
-    for (mode, landed, phase) in [(Hold, InAir, Phase::Abort), (Hold, OnGround, Phase::Land)] {
+    // Also before the landing has begun; but how PX4 leaves on the ground what it has begun is its own
+    // affair.
+    for (has_begun, landed, phase) in [
+        (false, InAir, Phase::Abort),
+        (false, OnGround, Phase::Abort),
+        (true, OnGround, Phase::Land),
+    ] {
         let mut mission = surveying();
         let mut effects = Vec::new();
         assert!(mission.on_operator(OperatorVerb::Land, &flying(20.0), &mut effects));
-        mission.step(&landing(20.3, mode, landed), &mut effects);
+        if has_begun {
+            mission.step(&landing(20.2, Land, InAir), &mut effects);
+        }
+        mission.step(&landing(20.3, Hold, landed), &mut effects);
         assert_eq!(mission.phase(), phase);
     }
 }
@@ -337,8 +404,32 @@ fn a_start_called_off_while_arming_disarms() {
     ready.vehicle = Some(vehicle(false, FlightMode::Companion, LandedState::OnGround));
     mission.step(&ready, &mut effects);
     assert_eq!(effects.last(), Some(&Effect::Command(VehicleCommand::Arm)));
+    let called_off = mission.clone();
+    let n_disarms = |effects: &[Effect]| {
+        let disarm = Effect::Command(VehicleCommand::Disarm);
+        effects.iter().filter(|effect| **effect == disarm).count()
+    };
     assert!(mission.on_operator(OperatorVerb::Hold, &ready, &mut effects));
     assert_eq!(effects.last(), Some(&Effect::Command(VehicleCommand::Disarm)));
+    // The answer to the question may have been that to the one before.
+    let armed = |seconds, mode| Inputs {
+        vehicle: Some(vehicle(true, mode, LandedState::OnGround)),
+        ..inputs(seconds)
+    };
+    mission.step(&armed(4.5, FlightMode::Companion), &mut effects);
+    assert_eq!(n_disarms(&effects), 1, "not faster than any command");
+    mission.step(&armed(6.5, FlightMode::Companion), &mut effects);
+    assert_eq!(n_disarms(&effects), 2);
+    // Somebody else has it, or it was armed long afterwards.
+    for (seconds, mode) in [(9.0, FlightMode::Pilot), (15.0, FlightMode::Companion)] {
+        mission.step(&armed(seconds, mode), &mut effects);
+        assert_eq!(n_disarms(&effects), 2);
+    }
+
+    // The patience ran out while the autopilot was about to arm.
+    let (mut mission, mut effects) = (called_off, Vec::new());
+    mission.step(&Inputs { now: inputs(61.0).now, ..ready }, &mut effects);
+    assert_eq!((mission.phase(), n_disarms(&effects)), (Phase::Idle, 1));
 }
 
 #[test]

@@ -3,10 +3,14 @@
 use super::Lab;
 use super::autopilot::drifting_odometry;
 use crate::autopilot::StubAutopilot;
-use crate::faults::bench::Bench;
+use crate::faults::bench::{Bench, scenario};
+use crate::scenario::Scenario;
+use crate::world::{Cuboid, Region, World};
+use anyhow::Context;
 use mavlink::MavHeader;
 use mavlink::dialects::ardupilotmega as m;
 use mavlink::dialects::ardupilotmega::{MavCmd, MavMessage};
+use nalgebra::Vector3;
 use std::time::Duration;
 use stockpilot::mission::Phase;
 use stockpilot::stats::SeedBook;
@@ -98,6 +102,37 @@ pub(super) fn slow_link(lab: &mut Lab) -> anyhow::Result<()> {
         bench.demand(is_down, "on the ground in the end");
     })
 }
+
+/// A door opens beside a leg that a rail accompanies. The vehicle may be pushed to it; it must not be led
+/// there, nor held there.
+pub(super) fn blown(lab: &mut Lab) -> anyhow::Result<()> {
+    let rail = Cuboid::over(&Region::new(-1.0, -1.3, 21.0, RAIL_Y_M), 6.0, 8.0);
+    let mut world = World::piles(lab.seed).context("a generated world")?;
+    world.obstacles.push(rail);
+    for blast_mps in BLASTS_MPS {
+        let bench = Bench::of(&Scenario { world: world.clone(), ..scenario(lab.flavour, lab.seed)? })?;
+        lab.fly_on(bench, |bench| {
+            bench.survey();
+            bench.strike();
+            bench.tolerate(f64::INFINITY);
+            let mut nearest_m = [f64::INFINITY; 2];
+            for step in 0..2_000 {
+                let blast_mps = if step < 300 { -blast_mps } else { 0.0 };
+                bench.flight.rig.vehicle_mut().blast(Vector3::y() * blast_mps);
+                bench.step();
+                let led_to = bench.seen.setpoint.map_or(f64::INFINITY, |(_, place)| place.y);
+                for (nearest_m, y_m) in std::iter::zip(&mut nearest_m, [bench.place().y, led_to]) {
+                    *nearest_m = nearest_m.min(y_m - RAIL_Y_M);
+                }
+            }
+            eprintln!("{blast_mps} {nearest_m:?} {:?}", bench.phases());
+        });
+    }
+    Ok(())
+}
+
+const RAIL_Y_M: f64 = -1.1;
+const BLASTS_MPS: [f64; 5] = [6.0, 9.0, 12.0, 15.0, 18.0];
 
 /// The autopilot has been on for 49.7 days: its count of milliseconds begins again.
 pub(super) fn wraps(lab: &mut Lab) -> anyhow::Result<()> {

@@ -59,8 +59,45 @@ pub(super) fn one_way_lost(lab: &mut Lab) -> anyhow::Result<()> {
             bench.demand(is_settled, "goes on or is down in the end");
         })?;
     }
-    Ok(())
+    samples_lost(lab)
 }
+
+/// The autopilot hears everything and is not heard: where the vehicle is now is not known, and nothing is
+/// concluded from where it was.
+fn samples_lost(lab: &mut Lab) -> anyhow::Result<()> {
+    lab.fly(|bench| {
+        bench.survey();
+        bench.strike();
+        bench.flight.link.tamper_with(|way, _, one| match way {
+            Way::ToAutopilot => vec![one],
+            Way::ToCompanion => Vec::new(),
+        });
+        let setpoints = |bench: &mut Bench| {
+            let before = bench.seen.setpoint;
+            bench.step();
+            before.zip(bench.seen.setpoint)
+        };
+        let mut longest_step_m = 0.0_f64;
+        for step in 0..1_600 {
+            if step == 240 {
+                bench.flight.link.mend();
+            }
+            if let Some(((_, before), (_, now))) = setpoints(bench) {
+                longest_step_m = longest_step_m.max((now - before).norm());
+            }
+        }
+        // 2 m/s for 33 ms and what a stop may add.
+        let text = format!("setpoints lie within {longest_step_m:.2} m of each other");
+        bench.demand(longest_step_m < LONGEST_STEP_M, &text);
+        bench.safe_already();
+        let is_settled = bench.until(30.0, |b| b.phase() == Phase::Survey);
+        bench.demand(is_settled, "the survey goes on");
+        bench.demand(!bench.said("off its path"), "nothing is made of it");
+    })
+}
+
+/// Setpoints 33 ms apart at 2 m/s, with room for one that was lost.
+const LONGEST_STEP_M: f64 = 0.15;
 
 /// A vehicle that does not follow for 0.3 s at 2 m/s, and the distance at which that counts.
 const LED_WITHIN_M: f64 = 2.0;

@@ -186,11 +186,14 @@ fn the_mode_is_told_between_heartbeats_and_whichever_word_is_newest_counts() {
     scene.hears((8, 1), current_mode(0x0003_0000), 100);
     scene.hears((7, 191), current_mode(0x0003_0000), 100);
     assert!(scene.told().is_empty());
-    // A silent autopilot is back with its heartbeat only.
+    // A silent autopilot is back with its heartbeat only; that the pilot has it is told at once.
     scene.tick(3_001);
     assert_eq!(scene.told(), [Event::AutopilotLost(at_ms(3_001))]);
-    scene.hears(AUTOPILOT, current_mode(0x0003_0000), 3_100);
+    scene.hears(AUTOPILOT, current_mode(0x0006_0000), 3_100);
     assert!(scene.told().is_empty());
+    scene.hears(AUTOPILOT, current_mode(0x0003_0000), 3_200);
+    let told = scene.told();
+    assert!(matches!(&told[..], [Event::Vehicle(v), Event::AutopilotLost(_)] if v.mode == Pilot));
 }
 
 #[test]
