@@ -26,7 +26,7 @@
 use super::footprint::{Footprint, Patch};
 use super::matern_field::{Lattice, Row};
 use super::projection::LidarMount;
-use super::roughness::{OCCLUSION_SHARE, POINT_PER_PATCH, hidden_m};
+use super::roughness::{OCCLUSION_SHARE, POINT_PER_PATCH, hidden_from_all_sides_m};
 use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
 
 /// The newest surface: where slopes come from, and what outliers are judged against.
@@ -137,7 +137,7 @@ impl<'a> Turn<'a> {
         let pose_var_m2 = by_pose.dot(&(self.pose_cov * by_pose));
         // −g·along is the beam's descent towards the surface, per metre of range.
         let level = (self.R * (self.lidar_axes * along)).xy().norm();
-        let hidden_m = hidden_m(
+        let hidden_m = hidden_from_all_sides_m(
             POINT_PER_PATCH * self.at.scatter_m,
             self.at.lattice.spacing_m(),
             -by_range / level.max(1e-9),

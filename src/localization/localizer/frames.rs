@@ -12,6 +12,7 @@ use super::super::tight_update::{Frame, Projector, Sighting, Viewpoint};
 use super::super::vision_fix::{self, NoFix, PointFeature, Start};
 use super::{Localizer, Placement, Update};
 use crate::geometry::{Body, Hall, Point, Transform};
+use crate::messages::state::VEL;
 use crate::messages::{
     FixOutcome, FixRecord, FixSource, PointDetection, Severity, StatusText, TagDetection,
     TagDetections, Verdict,
@@ -19,19 +20,25 @@ use crate::messages::{
 use crate::stats::chi2_gate_99;
 use crate::time::{Mono, Stamp};
 use nalgebra::{Matrix6, Vector2, Vector3};
+use std::collections::VecDeque;
 use std::sync::Arc;
 
-/// Fixes in a row that the gate refused although they agree with each other.
-#[derive(Debug, Clone, Copy, Default)]
+/// Fixes in a row that the gate refused although they agree with each other, the newest last.
+#[derive(Debug, Clone, Default)]
 pub(super) struct GatedStreak {
-    count: u32,
-    last: Option<(Stamp<Mono>, Transform<Hall, Body>)>,
+    fixes: VecDeque<(Stamp<Mono>, Point<Hall>)>,
 }
 
 /// This many agreeing fixes in a row outvote the filter: half a second at 20 Hz.
-const RESET_AFTER_GATED: u32 = 10;
+const RESET_AFTER_GATED: usize = 10;
+/// The velocity is that over so long, s: the vehicle hardly changes it meanwhile, and fixes that are off by a
+/// centimetre still tell it to a decimetre a second.
+const VELOCITY_SPAN_S: (f64, f64) = (0.1, 0.3);
 /// Two gated fixes agree if the vehicle could have flown from one to the other, m/s.
 const PLAUSIBLE_SPEED_MPS: f64 = 5.0;
+/// Biases of sensors that fly, at most.
+const LARGEST_ACCEL_BIAS_MPS2: f64 = 0.5;
+const LARGEST_GYRO_BIAS_RADPS: f64 = 0.1;
 /// In flight one tag alone, which may have been moved, outvotes nobody.
 const MIN_TAGS_TO_RELOCATE: usize = 2;
 
@@ -277,7 +284,8 @@ impl Localizer {
             }
             Placement::Stale => {
                 let is_trusted = n_tags >= MIN_TAGS_TO_RELOCATE || self.is_on_ground;
-                record.verdict = if is_trusted { self.restart(at, fix) } else { Verdict::Gated };
+                record.verdict =
+                    if is_trusted { self.restart(at, fix, None) } else { Verdict::Gated };
                 return;
             }
             Placement::Pad | Placement::Tags => {}
@@ -310,7 +318,9 @@ impl Localizer {
         let may_relocate = n_tags >= MIN_TAGS_TO_RELOCATE || self.is_on_ground;
         let is_outvoted =
             self.gated.outvotes_filter(at, &fix.outcome.hall_from_body) && may_relocate;
-        record.verdict = if is_outvoted { self.restart(at, fix) } else { Verdict::Gated };
+        let velocity_mps = self.gated.velocity_mps();
+        record.verdict =
+            if is_outvoted { self.restart(at, fix, velocity_mps) } else { Verdict::Gated };
     }
 
     fn note_fused(&mut self, at: Stamp<Mono>, record: &mut FixRecord) {
@@ -347,7 +357,14 @@ impl Localizer {
 
     /// Puts the filter onto fixes that its gate kept refusing, or the first one after a jump of the
     /// time; declares the jump of the pose.
-    fn restart(&mut self, at: Stamp<Mono>, placed: &PlacedFix) -> Verdict {
+    ///
+    /// Without the velocity of those fixes the filter keeps its own, as sure as it is of it.
+    fn restart(
+        &mut self,
+        at: Stamp<Mono>,
+        placed: &PlacedFix,
+        velocity_mps: Option<Vector3<f64>>,
+    ) -> Verdict {
         let fix = &placed.outcome;
         let (Some(ring), Some(last_imu)) = (&self.ring, self.last_imu) else {
             return Verdict::NotInitialized;
@@ -360,10 +377,20 @@ impl Localizer {
         let apart_m = (state.hall_from_body.origin - fix.hall_from_body.origin).coords.norm();
         state.at = at;
         state.hall_from_body = fix.hall_from_body;
-        // The old pose was wrong, so its correlations say nothing; the biases stay.
+        // The old pose was wrong, so its correlations say nothing.
+        let own_velocity_var = VEL.map(|k| state.P[(k, k)]).fold(0.0, f64::max);
         state.P = Covariance::zeros();
         state.P.fixed_view_mut::<6, 6>(0, 0).copy_from(&fix.pose_cov);
         set_sigma(&mut state.P, &IN_FLIGHT);
+        if let Some(velocity_mps) = velocity_mps {
+            state.velocity_mps = velocity_mps;
+            // What has led the filter astray may be in its biases; no sensor has larger ones than these.
+            state.accel_bias_mps2 = state.accel_bias_mps2.cap_magnitude(LARGEST_ACCEL_BIAS_MPS2);
+            state.gyro_bias_radps = state.gyro_bias_radps.cap_magnitude(LARGEST_GYRO_BIAS_RADPS);
+        } else {
+            let sigma_mps = own_velocity_var.sqrt().max(IN_FLIGHT[0].1);
+            set_sigma(&mut state.P, &[(VEL, sigma_mps)]);
+        }
         state.places = self.places_of(placed);
         // The fixes agreed for the last time then; what followed was seen from a wrong pose.
         self.doubtful_since = self.doubtful_since.or(self.last_agreed_at);
@@ -451,12 +478,26 @@ pub(super) fn note(record: &mut FixRecord, innovation: &Innovation) {
 impl GatedStreak {
     /// Counts a refused fix; true once enough of them in a row agree with each other.
     fn outvotes_filter(&mut self, at: Stamp<Mono>, pose: &Transform<Hall, Body>) -> bool {
-        let agrees = self.last.is_some_and(|(last_at, last)| {
-            let reach_m = 0.3 + PLAUSIBLE_SPEED_MPS * at.seconds_since(last_at).abs();
-            (pose.origin - last.origin).coords.norm() < reach_m
+        let agrees = self.fixes.back().is_some_and(|(last_at, last)| {
+            let reach_m = 0.3 + PLAUSIBLE_SPEED_MPS * at.seconds_since(*last_at).abs();
+            (pose.origin - *last).coords.norm() < reach_m
         });
-        self.count = if agrees { self.count + 1 } else { 1 };
-        self.last = Some((at, *pose));
-        self.count >= RESET_AFTER_GATED
+        if !agrees {
+            self.fixes.clear();
+        }
+        if self.fixes.len() == RESET_AFTER_GATED {
+            self.fixes.pop_front();
+        }
+        self.fixes.push_back((at, pose.origin));
+        self.fixes.len() >= RESET_AFTER_GATED
+    }
+
+    /// Velocity between the newest of the fixes and one shortly before it, m/s; `None` without such a one.
+    fn velocity_mps(&self) -> Option<Vector3<f64>> {
+        let (at, place) = self.fixes.back()?;
+        let (shortest_s, longest_s) = VELOCITY_SPAN_S;
+        let mut spans = self.fixes.iter().map(|(then, from)| (at.seconds_since(*then), from));
+        let (span_s, from) = spans.find(|(s, _)| (shortest_s..=longest_s).contains(s))?;
+        Some((*place - *from).coords / span_s)
     }
 }
