@@ -110,11 +110,8 @@ async fn a_peer_that_takes_nothing_gets_nothing_old() {
     until(|| transport.stats().send_failed > 0).await;
     assert_eq!(transport.stats().sent, sent_before);
     // Nor does the system deliver what it still held: the old connection ends with a reset.
-    let mut taken = Vec::new();
-    let end = patiently(peer.read_to_end(&mut taken)).await;
+    let end = patiently(peer.read_to_end(&mut Vec::new())).await;
     assert_eq!(end.unwrap_err().kind(), std::io::ErrorKind::ConnectionReset);
-    let n_frames = taken.iter().filter(|byte| **byte == 0xfd).count() as u64;
-    assert!(n_frames < sent_before, "{n_frames} of {sent_before} frames came");
     stop.cancel();
     patiently(transport.join()).await;
 }

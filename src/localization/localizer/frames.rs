@@ -501,3 +501,29 @@ impl GatedStreak {
         Some((*place - *from).coords / span_s)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::time::Duration;
+
+    /// 20 frames a second past a filter that has gone astray.
+    #[test]
+    fn fixes_that_outvote_the_filter_tell_their_velocity() {
+        let mut streak = GatedStreak::default();
+        let velocity_mps = Vector3::new(1.6, -1.2, 0.1);
+        let at = |n: u64| Stamp::ZERO.plus(Duration::from_millis(50 * n));
+        let outvoted = (0..10).map(|n| {
+            let place = Vector3::new(3.0, 4.0, 7.0) + velocity_mps * at(n).seconds();
+            let pose =
+                Transform::new(crate::geometry::Rotation::identity(), Point::from_coords(place));
+            streak.outvotes_filter(at(n), &pose)
+        });
+        assert_eq!(outvoted.filter(|is_outvoted| *is_outvoted).count(), 1, "by the tenth");
+        assert!((streak.velocity_mps().unwrap() - velocity_mps).norm() < 1e-9);
+        // One that does not agree begins anew, and tells none.
+        let elsewhere = Transform::new(crate::geometry::Rotation::identity(), Point::origin());
+        assert!(!streak.outvotes_filter(at(10), &elsewhere));
+        assert_eq!(streak.velocity_mps(), None);
+    }
+}
