@@ -1,6 +1,6 @@
 //! Options of the camera.
 
-use super::{CameraModel, PictureModel};
+use super::{CameraModel, DetectorModel, PictureModel};
 use clap::{Args, ValueEnum};
 use std::time::Duration;
 
@@ -31,16 +31,18 @@ pub enum CameraOutput {
     Rendered,
 }
 
-/// How exact the service's own detector finds corners in rendered pictures, px; measured by
-/// `corners_are_found_where_the_world_projects_them`.
-const FOUND_SIGMA_PX: f64 = 0.15;
+/// How exact the service's own detector is told to find corners in rendered pictures, px.
+///
+/// SIGMA_COMMENT
+const FOUND_SIGMA_PX: f64 = 0.10;
 
 impl CameraOutput {
-    /// Changes the camera as the option says.
-    pub const fn apply(self, camera: &mut CameraModel) {
+    /// Changes the camera as the option says; noisier or quieter markers scale what the filter is told.
+    pub fn apply(self, camera: &mut CameraModel) {
         if matches!(self, Self::Rendered) {
             camera.pictures = Some(PictureModel::usual());
-            camera.detector.pixel_sigma_px = FOUND_SIGMA_PX;
+            let usual_px = DetectorModel::usual().pixel_sigma_px;
+            camera.detector.pixel_sigma_px *= FOUND_SIGMA_PX / usual_px;
         }
     }
 }

@@ -46,11 +46,13 @@ pub(super) struct RawAngle {
 }
 
 impl RawAngle {
+    #[inline]
     pub(super) fn new(start_q6: u16, step_q16: i32) -> Self {
         Self { at_q16: i32::from(start_q6) << 10, step_q16 }
     }
 
     /// True if the head passes its front mark within `n_steps` steps from here.
+    #[inline]
     pub(super) const fn passes_mark(&self, n_steps: i32) -> bool {
         let ahead_q16 = n_steps * self.step_q16;
         // Within a capsule the head goes on by less than a turn from a start within the turn.
@@ -68,6 +70,7 @@ impl RawAngle {
         self.at_q16 + n_samples as i32 * self.step_q16 >= TURN_Q16
     }
 
+    #[inline]
     pub(super) const fn advance(&mut self) {
         self.at_q16 += self.step_q16;
     }

@@ -22,6 +22,7 @@ pub struct Node {
 
 impl Node {
     /// A node of a format that tells no strength, with any angle.
+    #[inline]
     pub(super) const fn untold(angle_q16: i32, dist_q2: u32, starts_turn: bool) -> Self {
         let quality = if dist_q2 == 0 { 0 } else { UNTOLD_QUALITY };
         Self { angle_q16: wrapped(angle_q16), dist_q2, quality, starts_turn }
@@ -34,6 +35,7 @@ impl Node {
     }
 
     /// The sample in degrees and metres.
+    #[inline]
     #[must_use]
     #[expect(clippy::cast_precision_loss, reason = "2⁻¹⁶ ° and ¼ mm fit single precision")]
     pub fn sample(&self) -> Sample {
@@ -46,6 +48,7 @@ impl Node {
 }
 
 /// The angle once wrapped into [0, 360°); it is never more than a turn outside.
+#[inline]
 const fn wrapped(angle_q16: i32) -> i32 {
     if angle_q16 < 0 {
         angle_q16 + TURN_Q16

@@ -82,6 +82,7 @@ pub(super) fn decode(
     nodes.extend_from_slice(&samples);
 }
 
+#[inline]
 fn node(dist_mm: i32, raw_q16: i32, starts_turn: bool) -> Node {
     let dist_q2 = dist_mm.max(0) << 2;
     let is_near = dist_q2 < NEAREST_Q2;
@@ -92,6 +93,7 @@ fn node(dist_mm: i32, raw_q16: i32, starts_turn: bool) -> Node {
 
 /// Whole quotient 98361/d. Floats divide faster; they are exact here, because no quotient lies
 /// nearer to a whole number from below than 1/d, and 98361 is less than 2²⁴.
+#[inline]
 #[expect(clippy::cast_possible_truncation, reason = "0 to 491")]
 #[expect(clippy::cast_sign_loss, reason = "0 to 491")]
 #[expect(clippy::cast_precision_loss, reason = "below 2²⁴")]
@@ -100,6 +102,7 @@ fn quotient(dist_q2: i32) -> usize {
 }
 
 /// The three distances of a cabin, mm; negative ones are nonsense and become "no return".
+#[inline]
 #[expect(clippy::cast_possible_wrap, reason = "the fields are signed from here on")]
 const fn distances_mm(cabin: u32, major: Major, next: Major) -> [i32; 3] {
     let base = if major.mm == 0 && next.mm != 0 { next } else { major };
@@ -118,6 +121,7 @@ struct Major {
 impl Major {
     /// From the low twelve bits of a cabin, without a branch: values come in no order that a
     /// processor could guess.
+    #[inline]
     #[expect(clippy::cast_possible_wrap, reason = "twelve bits")]
     const fn of(cabin: u32) -> Self {
         /// First value of each coarser scale.
@@ -133,6 +137,7 @@ impl Major {
     }
 
     /// The distance of a prediction, mm; 0 for "no return".
+    #[inline]
     const fn predicted(self, p: i32) -> i32 {
         if p == NO_RETURN[0] || p == NO_RETURN[1] { 0 } else { (p << self.scale) + self.mm }
     }

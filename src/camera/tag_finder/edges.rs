@@ -1,0 +1,218 @@
+//! Corners where a tag's four edges meet, each edge fitted to all pixels near it.
+//!
+//! The library looks for an edge at some places of it and reads single pixels there, so a part of its first
+//! guess stays, which it made on the shrunk picture: a shift to the upper left that grows with
+//! [`Settings::decimation`](super::Settings::decimation), and errors of a tenth of a pixel that come again in every
+//! picture from the same place. No filter averages those away. Here each pixel counts once, at its centre:
+//!
+//! ```text
+//! I(p) = d + (b − d) Φ(δ(p)/σ)        δ(p) = n·(p − m) − o − τ t·(p − m)/h
+//! ```
+//! - `I`: brightness of a pixel, 0 to 255; `p`: its centre, px
+//! - `m, t, n`: middle of the edge, its direction and its outward normal as the library has them
+//! - `h`: half the part that is looked at, px
+//! - `o, τ`: offset of the edge and tilt at `h`, px; `d, b`: dark and bright side; `σ`: blur, px. These five are fitted
+//!   by Gauss and Newton's method
+//!
+//! A blur that is alike on both sides moves nothing, whatever its shape. The lens may bend an edge: over
+//! 50 px by some hundredths of a pixel. An edge that does not fit, as one that something hides in part, stays as the
+//! library has it.
+
+use crate::camera::picture::GreyPicture;
+use nalgebra::{Matrix5, Vector2, Vector5};
+use std::f64::consts::{SQRT_2, TAU};
+
+/// Pixels up to this far from an edge tell where it is: beyond begin the next cells.
+const BAND_CELLS: f64 = 0.6;
+/// The same is at least and at most this, px.
+const BAND_PX: (f64, f64) = (1.0, 2.5);
+/// The ends of an edge, where the next one is near, are left out: cells, and at least px.
+const END_CELLS: f64 = 0.5;
+const END_PX: f64 = 1.5;
+/// Blur of an ordinary lens in focus, the pixel's own square included, px; the fit begins with it.
+const USUAL_BLUR_PX: f64 = 0.7;
+const BLUR_PX: (f64, f64) = (0.3, 2.0);
+/// Fewer pixels tell nothing about five numbers.
+const LEAST_PIXELS: usize = 12;
+/// Sides that differ by less are no edge of a tag.
+const LEAST_CONTRAST: f64 = 12.0;
+/// The library is not off by more, px.
+const FARTHEST_PX: f64 = 1.5;
+/// Root mean square of what is left over, as a share of the contrast, where the model does not hold.
+const WORST_MISFIT: f64 = 0.12;
+const ITERATIONS: usize = 8;
+/// The fit has ended when the edge moves by less, px.
+const STILL_PX: f64 = 1e-3;
+
+/// The corners of a tag, better; `n_cells` along its edge.
+pub(super) fn refined(
+    picture: &GreyPicture,
+    corners_px: [[f64; 2]; 4],
+    n_cells: u8,
+) -> [[f64; 2]; 4] {
+    let corners = corners_px.map(Vector2::from);
+    let centre = corners.iter().sum::<Vector2<f64>>() / 4.0;
+    let lines: [Line; 4] = std::array::from_fn(|i| {
+        let edge = Edge::new(corners[i], corners[(i + 1) % 4], centre, f64::from(n_cells));
+        edge.fitted(picture).unwrap_or(Line { through: edge.middle, along: edge.along })
+    });
+    std::array::from_fn(|i| {
+        let meeting = lines[(i + 3) % 4].meets(&lines[i]).unwrap_or(corners[i]);
+        if (meeting - corners[i]).norm() < 2.0 * FARTHEST_PX {
+            meeting.into()
+        } else {
+            corners_px[i]
+        }
+    })
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Line {
+    through: Vector2<f64>,
+    along: Vector2<f64>,
+}
+
+impl Line {
+    /// Where two lines meet; `None` if they hardly do.
+    fn meets(&self, other: &Self) -> Option<Vector2<f64>> {
+        const LEAST_SINE: f64 = 0.1;
+        let sine = self.along.perp(&other.along);
+        let at = (other.through - self.through).perp(&other.along) / sine;
+        (sine.abs() > LEAST_SINE).then(|| self.through + self.along * at)
+    }
+}
+
+/// An edge as the library has it, and how far around it is looked.
+#[derive(Debug, Clone, Copy)]
+struct Edge {
+    middle: Vector2<f64>,
+    along: Vector2<f64>,
+    outward: Vector2<f64>,
+    half_px: f64,
+    band_px: f64,
+}
+
+/// A pixel near an edge: its place along it, −1 to 1, its distance outward, px, and its brightness.
+#[derive(Debug, Clone, Copy)]
+struct Near {
+    along: f64,
+    distance_px: f64,
+    grey: f64,
+}
+
+impl Edge {
+    fn new(from: Vector2<f64>, to: Vector2<f64>, centre: Vector2<f64>, n_cells: f64) -> Self {
+        let length_px = (to - from).norm();
+        let along = (to - from) / length_px;
+        let middle = 0.5 * (from + to);
+        let normal = Vector2::new(along.y, -along.x);
+        let outward = if normal.dot(&(middle - centre)) < 0.0 { -normal } else { normal };
+        let cell_px = length_px / n_cells;
+        let half_px = 0.5 * length_px - (END_CELLS * cell_px).max(END_PX);
+        let band_px = (BAND_CELLS * cell_px).clamp(BAND_PX.0, BAND_PX.1);
+        Self { middle, along, outward, half_px, band_px }
+    }
+
+    /// The line through the fitted edge; `None` if it does not fit.
+    fn fitted(&self, picture: &GreyPicture) -> Option<Line> {
+        let mut fit = self.first_guess(picture)?;
+        for _ in 0..ITERATIONS {
+            let (step, misfit) = self.step(picture, &fit)?;
+            fit += step;
+            fit[4] = fit[4].clamp(BLUR_PX.0, BLUR_PX.1);
+            let contrast = fit[3] - fit[2];
+            // Not-a-number is refused too.
+            let is_possible =
+                fit[0].abs() + fit[1].abs() < FARTHEST_PX && contrast > LEAST_CONTRAST;
+            if !is_possible {
+                return None;
+            }
+            if step[0].abs() + step[1].abs() < STILL_PX {
+                return (misfit < WORST_MISFIT * contrast).then(|| self.moved(fit[0], fit[1]));
+            }
+        }
+        None
+    }
+
+    fn moved(&self, offset_px: f64, tilt_px: f64) -> Line {
+        let along = self.along + self.outward * (tilt_px / self.half_px);
+        Line { through: self.middle + self.outward * offset_px, along: along.normalize() }
+    }
+
+    /// Offset, tilt, dark, bright and blur, the levels from the rims of the band.
+    fn first_guess(&self, picture: &GreyPicture) -> Option<Vector5<f64>> {
+        let (mut sums, mut counts) = ([0.0; 2], [0.0; 2]);
+        for near in self.pixels(picture, 0.0, 0.0) {
+            if near.distance_px.abs() > 0.5 * self.band_px {
+                let side = usize::from(near.distance_px > 0.0);
+                sums[side] += near.grey;
+                counts[side] += 1.0;
+            }
+        }
+        let (dark, bright) = (sums[0] / counts[0], sums[1] / counts[1]);
+        (bright - dark > LEAST_CONTRAST)
+            .then(|| Vector5::new(0.0, 0.0, dark, bright, USUAL_BLUR_PX))
+    }
+
+    /// One step of the least squares, and the root mean square of what was left over before it.
+    fn step(&self, picture: &GreyPicture, fit: &Vector5<f64>) -> Option<(Vector5<f64>, f64)> {
+        /// Keeps a blur that the pixels do not tell near its start.
+        const BLUR_INFO: f64 = 400.0;
+        let [offset_px, tilt_px, dark, bright, blur_px] = (*fit).into();
+        let (mut info, mut gain) = (Matrix5::zeros(), Vector5::zeros());
+        let (mut n_pixels, mut squares) = (0_usize, 0.0);
+        for near in self.pixels(picture, offset_px, tilt_px) {
+            let z = near.distance_px / blur_px;
+            let share = 0.5 * (1.0 + libm::erf(z / SQRT_2));
+            let slope = (bright - dark) * (-0.5 * z * z).exp() / (TAU.sqrt() * blur_px);
+            let residual = near.grey - (dark + (bright - dark) * share);
+            let by = Vector5::new(-slope, -slope * near.along, 1.0 - share, share, -slope * z);
+            info += by * by.transpose();
+            gain += by * residual;
+            squares += residual * residual;
+            n_pixels += 1;
+        }
+        info[(4, 4)] += BLUR_INFO;
+        gain[4] += BLUR_INFO * (USUAL_BLUR_PX - blur_px);
+        if n_pixels < LEAST_PIXELS {
+            return None;
+        }
+        #[expect(clippy::cast_precision_loss, reason = "some hundred pixels")]
+        let misfit = (squares / n_pixels as f64).sqrt();
+        Some((info.cholesky()?.solve(&gain), misfit))
+    }
+
+    /// The pixels near the edge once it is moved so.
+    fn pixels<'a>(
+        &'a self,
+        picture: &'a GreyPicture,
+        offset_px: f64,
+        tilt_px: f64,
+    ) -> impl Iterator<Item = Near> + 'a {
+        let width = picture.width_px() as usize;
+        let reach = self.along.abs() * self.half_px
+            + self.outward.abs() * (self.band_px + offset_px.abs() + tilt_px.abs());
+        let (low, high) = (self.middle - reach, self.middle + reach);
+        let cols = whole_px(low.x, high.x, picture.width_px());
+        let rows = whole_px(low.y, high.y, picture.height_px());
+        let places = rows.flat_map(move |row| cols.clone().map(move |col| (col, row)));
+        places.filter_map(move |(col, row)| {
+            let centre = Vector2::new(f64::from(col) + 0.5, f64::from(row) + 0.5) - self.middle;
+            let along = centre.dot(&self.along) / self.half_px;
+            let distance_px = centre.dot(&self.outward) - offset_px - tilt_px * along;
+            let grey = picture.pixels()[row as usize * width + col as usize];
+            let is_near = along.abs() <= 1.0 && distance_px.abs() <= self.band_px;
+            is_near.then(|| Near { along, distance_px, grey: f64::from(grey) })
+        })
+    }
+}
+
+/// Pixels between two places, within the picture.
+fn whole_px(low: f64, high: f64, size: u32) -> std::ops::Range<u32> {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
+    let whole = |at: f64| at.clamp(0.0, f64::from(size)) as u32;
+    whole(low.floor())..whole(high.ceil())
+}
+
+#[cfg(test)]
+mod tests;
