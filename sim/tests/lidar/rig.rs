@@ -9,7 +9,6 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, Ordering};
 use std::time::Duration;
 use stockpilot::lidar::{Driver, LidarHealth, LidarStatus, Model, Settings};
-use stockpilot::messages::{Beam, Scan};
 use stockpilot::pilot::Event;
 use stockpilot::stats::SeedBook;
 use stockpilot::time::{Mono, Stamp};
@@ -70,16 +69,6 @@ impl Rig {
     /// Plugs the sensor in again, as a new device behind the same link.
     pub(crate) fn plug_in(&mut self) {
         self.lidar = Some(plug(&self.model, &self.link, self.now()));
-    }
-
-    /// Beams of a scan that do not end at the wall.
-    pub(crate) fn n_wrong(&self, scan: &Scan) -> u64 {
-        const TOLERANCE_M: f64 = 0.04;
-        let is_wrong = |beam: &&Beam| {
-            let (wall_m, _) = self.room.wall(-f64::from(beam.angle_rad).to_degrees());
-            beam.range_m > 0.0 && (f64::from(beam.range_m) - wall_m).abs() > TOLERANCE_M
-        };
-        scan.beams.iter().filter(is_wrong).count() as u64
     }
 
     /// Waits without virtual time: for what the driver does by itself.
