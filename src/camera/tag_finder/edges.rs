@@ -40,9 +40,13 @@ const LEAST_CONTRAST: f64 = 12.0;
 const FARTHEST_PX: f64 = 1.5;
 /// Root mean square of what is left over, as a share of the contrast, where the model does not hold.
 const WORST_MISFIT: f64 = 0.12;
-const ITERATIONS: usize = 8;
-/// The fit has ended when the edge moves by less, px.
+/// The pixels are chosen anew so often, and so many steps are made with each choice.
+const ROUNDS: usize = 3;
+const STEPS: usize = 5;
+/// A round has ended when the edge moves by less, px.
 const STILL_PX: f64 = 1e-3;
+/// A fit that still moves by more at the end has found nothing, px.
+const SETTLED_PX: f64 = 0.02;
 
 /// The corners of a tag, better; `n_cells` along its edge.
 pub(super) fn refined(
@@ -52,8 +56,10 @@ pub(super) fn refined(
 ) -> [[f64; 2]; 4] {
     let corners = corners_px.map(Vector2::from);
     let centre = corners.iter().sum::<Vector2<f64>>() / 4.0;
-    let lines: [Line; 4] = std::array::from_fn(|i| {
-        let edge = Edge::new(corners[i], corners[(i + 1) % 4], centre, f64::from(n_cells));
+    let edges: [Edge; 4] = std::array::from_fn(|i| {
+        Edge::new(corners[i], corners[(i + 1) % 4], centre, f64::from(n_cells))
+    });
+    let lines = edges.map(|edge| {
         edge.fitted(picture).unwrap_or(Line { through: edge.middle, along: edge.along })
     });
     std::array::from_fn(|i| {
@@ -92,12 +98,27 @@ struct Edge {
     band_px: f64,
 }
 
-/// A pixel near an edge: its place along it, −1 to 1, its distance outward, px, and its brightness.
+/// A pixel near an edge: its place along it, −1 to 1, its distance outward from where the library has the edge,
+/// px, and its brightness.
 #[derive(Debug, Clone, Copy)]
 struct Near {
     along: f64,
-    distance_px: f64,
+    across_px: f64,
     grey: f64,
+}
+
+impl Near {
+    /// Distance outward from the fitted edge, as a multiple of the blur, and the share of the bright side.
+    fn place(&self, fit: &Vector5<f64>) -> (f64, f64) {
+        let z = (self.across_px - fit[0] - fit[1] * self.along) / fit[4];
+        (z, 0.5 * (1.0 + libm::erf(z / SQRT_2)))
+    }
+
+    /// What the fit leaves over.
+    fn residual(&self, fit: &Vector5<f64>) -> f64 {
+        let (_, share) = self.place(fit);
+        self.grey - (fit[2] + (fit[3] - fit[2]) * share)
+    }
 }
 
 impl Edge {
@@ -115,23 +136,31 @@ impl Edge {
 
     /// The line through the fitted edge; `None` if it does not fit.
     fn fitted(&self, picture: &GreyPicture) -> Option<Line> {
-        let mut fit = self.first_guess(picture)?;
-        for _ in 0..ITERATIONS {
-            let (step, misfit) = self.step(picture, &fit)?;
-            fit += step;
-            fit[4] = fit[4].clamp(BLUR_PX.0, BLUR_PX.1);
-            let contrast = fit[3] - fit[2];
-            // Not-a-number is refused too.
-            let is_possible =
-                fit[0].abs() + fit[1].abs() < FARTHEST_PX && contrast > LEAST_CONTRAST;
-            if !is_possible {
-                return None;
-            }
-            if step[0].abs() + step[1].abs() < STILL_PX {
-                return (misfit < WORST_MISFIT * contrast).then(|| self.moved(fit[0], fit[1]));
+        let first = self.first_guess(picture)?;
+        let mut fit = first;
+        let mut left_px = f64::INFINITY;
+        for _ in 0..ROUNDS {
+            // Within a round the pixels stay the same: one that comes and goes would keep the fit from settling.
+            let near: Vec<Near> = self.pixels(picture, fit[0], fit[1]).collect();
+            for _ in 0..STEPS {
+                let step = least_squares_step(&near, &fit, &first)?;
+                fit += step;
+                fit[4] = fit[4].clamp(BLUR_PX.0, BLUR_PX.1);
+                let is_possible =
+                    fit[0].abs() + fit[1].abs() < FARTHEST_PX && fit[3] - fit[2] > LEAST_CONTRAST;
+                if !is_possible {
+                    return None;
+                }
+                left_px = step[0].abs() + step[1].abs();
+                if left_px < STILL_PX {
+                    break;
+                }
             }
         }
-        None
+        let near: Vec<Near> = self.pixels(picture, fit[0], fit[1]).collect();
+        let is_good =
+            left_px < SETTLED_PX && misfit(&near, &fit) < WORST_MISFIT * (fit[3] - fit[2]);
+        is_good.then(|| self.moved(fit[0], fit[1]))
     }
 
     fn moved(&self, offset_px: f64, tilt_px: f64) -> Line {
@@ -143,8 +172,8 @@ impl Edge {
     fn first_guess(&self, picture: &GreyPicture) -> Option<Vector5<f64>> {
         let (mut sums, mut counts) = ([0.0; 2], [0.0; 2]);
         for near in self.pixels(picture, 0.0, 0.0) {
-            if near.distance_px.abs() > 0.5 * self.band_px {
-                let side = usize::from(near.distance_px > 0.0);
+            if near.across_px.abs() > 0.5 * self.band_px {
+                let side = usize::from(near.across_px > 0.0);
                 sums[side] += near.grey;
                 counts[side] += 1.0;
             }
@@ -152,34 +181,6 @@ impl Edge {
         let (dark, bright) = (sums[0] / counts[0], sums[1] / counts[1]);
         (bright - dark > LEAST_CONTRAST)
             .then(|| Vector5::new(0.0, 0.0, dark, bright, USUAL_BLUR_PX))
-    }
-
-    /// One step of the least squares, and the root mean square of what was left over before it.
-    fn step(&self, picture: &GreyPicture, fit: &Vector5<f64>) -> Option<(Vector5<f64>, f64)> {
-        /// Keeps a blur that the pixels do not tell near its start.
-        const BLUR_INFO: f64 = 400.0;
-        let [offset_px, tilt_px, dark, bright, blur_px] = (*fit).into();
-        let (mut info, mut gain) = (Matrix5::zeros(), Vector5::zeros());
-        let (mut n_pixels, mut squares) = (0_usize, 0.0);
-        for near in self.pixels(picture, offset_px, tilt_px) {
-            let z = near.distance_px / blur_px;
-            let share = 0.5 * (1.0 + libm::erf(z / SQRT_2));
-            let slope = (bright - dark) * (-0.5 * z * z).exp() / (TAU.sqrt() * blur_px);
-            let residual = near.grey - (dark + (bright - dark) * share);
-            let by = Vector5::new(-slope, -slope * near.along, 1.0 - share, share, -slope * z);
-            info += by * by.transpose();
-            gain += by * residual;
-            squares += residual * residual;
-            n_pixels += 1;
-        }
-        info[(4, 4)] += BLUR_INFO;
-        gain[4] += BLUR_INFO * (USUAL_BLUR_PX - blur_px);
-        if n_pixels < LEAST_PIXELS {
-            return None;
-        }
-        #[expect(clippy::cast_precision_loss, reason = "some hundred pixels")]
-        let misfit = (squares / n_pixels as f64).sqrt();
-        Some((info.cholesky()?.solve(&gain), misfit))
     }
 
     /// The pixels near the edge once it is moved so.
@@ -199,12 +200,45 @@ impl Edge {
         places.filter_map(move |(col, row)| {
             let centre = Vector2::new(f64::from(col) + 0.5, f64::from(row) + 0.5) - self.middle;
             let along = centre.dot(&self.along) / self.half_px;
-            let distance_px = centre.dot(&self.outward) - offset_px - tilt_px * along;
+            let across_px = centre.dot(&self.outward);
+            let distance_px = across_px - offset_px - tilt_px * along;
             let grey = picture.pixels()[row as usize * width + col as usize];
             let is_near = along.abs() <= 1.0 && distance_px.abs() <= self.band_px;
-            is_near.then(|| Near { along, distance_px, grey: f64::from(grey) })
+            is_near.then(|| Near { along, across_px, grey: f64::from(grey) })
         })
     }
+}
+
+/// One step of Gauss and Newton towards the least squares; `first` holds what pixels do not tell.
+fn least_squares_step(
+    near: &[Near],
+    fit: &Vector5<f64>,
+    first: &Vector5<f64>,
+) -> Option<Vector5<f64>> {
+    /// Weight of the first guess: of the levels, pixels; of the blur, (grey/px)².
+    const FIRST_INFO: [f64; 5] = [0.0, 0.0, 1.0, 1.0, 400.0];
+    if near.len() < LEAST_PIXELS {
+        return None;
+    }
+    let first_info = Vector5::from(FIRST_INFO);
+    let mut info = Matrix5::from_diagonal(&first_info);
+    let mut gain = first_info.component_mul(&(first - fit));
+    for pixel in near {
+        let (z, share) = pixel.place(fit);
+        let slope = (fit[3] - fit[2]) * (-0.5 * z * z).exp() / (TAU.sqrt() * fit[4]);
+        let by = Vector5::new(-slope, -slope * pixel.along, 1.0 - share, share, -slope * z);
+        info += by * by.transpose();
+        gain += by * pixel.residual(fit);
+    }
+    Some(info.cholesky()?.solve(&gain))
+}
+
+/// Root mean square of what a fit leaves over.
+fn misfit(near: &[Near], fit: &Vector5<f64>) -> f64 {
+    let squares: f64 = near.iter().map(|pixel| pixel.residual(fit).powi(2)).sum();
+    #[expect(clippy::cast_precision_loss, reason = "some hundred pixels")]
+    let n_pixels = near.len() as f64;
+    (squares / n_pixels).sqrt()
 }
 
 /// Pixels between two places, within the picture.
