@@ -29,9 +29,9 @@ interop:
 browser:
     bash tests/browser/run target/browser target/debug target/browser-pictures target/tmp
 
-# The Debian package of the program that the tests have built; as root with CI=true also installed, upgraded and purged.
+# The Debian package of the program that the tests have built; as root with CI=true also installed, flown, upgraded and purged.
 package:
-    bash tests/package/run target/package target/debug/stockpilot target/debug/stockpilot-sim
+    bash tests/package/run target/package target/debug/stockpilot target/debug/stockpilot-sim fly
 
 # The Debian packages for amd64 and arm64, into target/debian (what it needs: `deploy/package`).
 deb:

@@ -13,7 +13,7 @@
 //! | `/result/*` | JSON with a JSON schema | what the brain gave out, between its events |
 //! | `/config` | JSON | versions and the effective configuration; first message |
 //! | `/record/lost` | JSON | how many entries are missing at this place |
-//! | `/view/*` | Foxglove schemas, protobuf | derived for viewers; no replay looks at them |
+//! | `/view/*`, `/tf` | Foxglove schemas, protobuf | derived for viewers; no replay looks at them |
 //!
 //! All times in the file are nanoseconds on the service's monotonic clock. Jobs are recorded by
 //! number only: they are pure functions of what the brain gave them, so a replay runs them again

@@ -73,6 +73,7 @@ pub fn carry(scenario: &Scenario, log: &Path) -> anyhow::Result<Carried> {
         started_at: Stamp::ZERO,
         config_toml: config.to_toml()?,
         notes: BTreeMap::from([("carried".to_owned(), "simulated".to_owned())]),
+        body_from_lidar: None,
     };
     let mut recorder = Recorder::create(log, &header)?.waiting();
     for frame in frames(world, &scenario.camera, scenario.seed) {

@@ -32,8 +32,10 @@ const STEP: Duration = Duration::from_millis(5);
 const MOST_STEPS: usize = 20;
 /// A flight that has not ended by then will not end by itself.
 const LONGEST_FLIGHT: Duration = Duration::from_secs(900);
-/// The last solve and its words come after the landing.
+/// The last solve and its words come after the landing: so long are they waited for.
 const LAST_WORDS: Duration = Duration::from_secs(20);
+/// Once the final volume was said, what else there is follows within this.
+const MORE_WORDS: Duration = Duration::from_secs(6);
 
 /// Options of `stockpilot-sim world`.
 #[derive(Debug, Args)]
@@ -137,13 +139,21 @@ impl Flight {
             }
             let now = self.rig.now();
             match self.arming {
-                Some(Arming::DisarmedAt(at)) if now.since(at) > LAST_WORDS => return Ok(()),
+                Some(Arming::DisarmedAt(at)) if now.since(at) > self.wait_for_words() => {
+                    return Ok(());
+                }
                 _ => {}
             }
             let is_in_time = now.since(Stamp::ZERO) < LONGEST_FLIGHT;
             let words = &self.operator.texts;
             ensure!(is_in_time, "no flight has ended; last words: {words:?}");
         }
+    }
+
+    /// How long after the landing something may still be said.
+    fn wait_for_words(&self) -> Duration {
+        let is_said = self.operator.texts.iter().any(|text| text.starts_with("final volume"));
+        if is_said { MORE_WORDS } else { LAST_WORDS }
     }
 
     /// 5 ms of flight; `began` is when the rig's time was zero.

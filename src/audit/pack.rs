@@ -138,7 +138,8 @@ fn commands(log_name: &str, flight: &Flight) -> String {
          \x20   minisign -V -p KEY.pub -m {SUMS}          the list is signed\n\
          \x20   sha256sum --check {SUMS}                   every file is as listed\n\
          \x20   stockpilot replay {log_name} --verify      every result of the flight again\n\n\
-         KEY.pub must come from the signer, not from this folder.\n",
+         KEY.pub must come from the signer, not from this folder. The program from its source, at the commit \
+         that the build names: cargo build --release --locked -p stockpilot, then target/release/stockpilot.\n",
         flight.version,
         build_identity()
     )

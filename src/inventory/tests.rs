@@ -40,6 +40,7 @@ fn log(folder: &Path, name: &str, started_utc: &str, volume_m3: f64) -> PathBuf 
         started_at: Stamp::ZERO,
         config_toml: config.to_toml().expect("TOML"),
         notes: [("started_utc".to_owned(), started_utc.to_owned())].into(),
+        body_from_lidar: None,
     };
     let accounts = vec![account("hall", volume_m3)];
     let summary = FlightSummary {

@@ -189,10 +189,10 @@ pub(super) fn preflight_checks(inputs: &Inputs, settings: &Settings) -> Vec<Pref
     let mut checks = vec![
         line("autopilot", is_lost, Fault::NoAutopilot, word(is_lost, "silent", "heard")),
         line(
-            "its start",
+            "autopilot's start-up",
             !vehicle.is_ready,
             Fault::NotReady,
-            word(!vehicle.is_ready, "starting up", "done"),
+            word(!vehicle.is_ready, "under way", "done"),
         ),
         line(
             "other autopilots",
@@ -213,7 +213,7 @@ pub(super) fn preflight_checks(inputs: &Inputs, settings: &Settings) -> Vec<Pref
             word(vehicle.is_armed, "armed", "disarmed"),
         ),
         line(
-            "stand",
+            "vehicle",
             !is_standing,
             Fault::NotOnGround,
             word(!is_standing, "not said", "on the ground"),

@@ -2,7 +2,8 @@
 
 use super::topic::Topic;
 use super::twin;
-use super::view::{ViewTopic, view_of};
+use super::view::{ViewTopic, views_of};
+use crate::geometry::{Body, Lidar, Transform};
 use crate::messages::{
     AutopilotPose, BatterySample, CommandOutcome, ImuSample, OperatorCommand, StorageState,
     VehicleState,
@@ -91,12 +92,17 @@ pub(super) struct Encoded {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Written {
     pub(super) encoded: Encoded,
-    pub(super) view: Option<(ViewTopic, Vec<u8>)>,
+    pub(super) views: Vec<(ViewTopic, Vec<u8>)>,
 }
 
 impl Written {
-    pub(super) fn new(at: Stamp<Mono>, entry: &Entry) -> serde_json::Result<Self> {
-        Ok(Self { encoded: entry.encoded()?, view: view_of(entry, at) })
+    /// The entry's bytes; viewers place the LiDAR's turns by its mounting.
+    pub(super) fn new(
+        at: Stamp<Mono>,
+        entry: &Entry,
+        body_from_lidar: Option<&Transform<Body, Lidar>>,
+    ) -> serde_json::Result<Self> {
+        Ok(Self { encoded: entry.encoded()?, views: views_of(entry, at, body_from_lidar) })
     }
 }
 

@@ -150,10 +150,10 @@ impl LiveView {
         if let Some(channel) = self.channels.get(&written.encoded.topic) {
             self.send(channel, at, &written.encoded.json);
         }
-        if let Some((topic, bytes)) = &written.view
-            && let Some(channel) = self.views.get(topic)
-        {
-            self.send(channel, at, bytes);
+        for (topic, bytes) in &written.views {
+            if let Some(channel) = self.views.get(topic) {
+                self.send(channel, at, bytes);
+            }
         }
     }
 

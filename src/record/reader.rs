@@ -60,6 +60,9 @@ pub struct LogReader<R> {
     has_footer: bool,
     n_lost: u64,
     damage: Option<String>,
+    /// Taken from the source so far, bytes.
+    n_taken: u64,
+    n_readable: u64,
     notes: BTreeMap<String, String>,
     began_at: Option<Stamp<Mono>>,
 }
@@ -102,6 +105,8 @@ impl<R: Read> LogReader<R> {
             has_footer: false,
             n_lost: 0,
             damage: None,
+            n_taken: 0,
+            n_readable: 0,
             notes: BTreeMap::new(),
             began_at: None,
         }
@@ -126,6 +131,19 @@ impl<R: Read> LogReader<R> {
         self.has_ended && self.has_footer && self.damage.is_none() && self.n_lost == 0
     }
 
+    /// True if the file says that entries are missing in what was read so far.
+    #[must_use]
+    pub const fn has_gaps(&self) -> bool {
+        self.n_lost > 0
+    }
+
+    /// How far into the file the last item was found, bytes: what lies behind it holds none, is damaged,
+    /// or was not read yet.
+    #[must_use]
+    pub const fn readable_bytes(&self) -> u64 {
+        self.n_readable
+    }
+
     /// Why reading stopped early, if it did.
     #[must_use]
     pub fn damage(&self) -> Option<&str> {
@@ -143,6 +161,7 @@ impl<R: Read> LogReader<R> {
                     let room = self.mcap.insert(n_bytes.min(1 << 20));
                     let n_read = self.source.read(room).map_err(|error| error.to_string())?;
                     self.mcap.notify_read(n_read);
+                    self.n_taken += n_read as u64;
                     continue;
                 }
                 Some(Ok(LinearReadEvent::Record { data, opcode })) => {
@@ -195,6 +214,7 @@ impl<R: Read> Iterator for LogReader<R> {
         }
         match self.advance() {
             Ok(Some(item)) => {
+                self.n_readable = self.n_taken;
                 if let LogItem::Lost { n_entries } = item {
                     self.n_lost = self.n_lost.saturating_add(n_entries);
                 }

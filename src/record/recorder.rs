@@ -3,6 +3,7 @@
 use super::entry::{Entry, Written};
 use super::live::LiveView;
 use super::writer::{LogHeader, LogWriter, WriteError};
+use crate::geometry::{Body, Lidar, Transform};
 use crate::pilot::{Action, Event};
 use crate::time::{Mono, Stamp};
 use std::fs::File;
@@ -139,16 +140,18 @@ impl Recorder {
             .map_err(|cause| begin(cause.to_string()))?;
         if let Some(live) = &live {
             let encoded = header.config().map_err(|cause| begin(cause.to_string()))?;
-            live.show(header.started_at, &Written { encoded, view: None });
+            live.show(header.started_at, &Written { encoded, views: Vec::new() });
         }
-        Self::spawn(log, live, move || to_sync.sync_data())
+        sync_folder_of(path);
+        let viewed = Viewed { live, body_from_lidar: header.body_from_lidar };
+        Self::spawn(log, viewed, move || to_sync.sync_data())
             .map_err(|cause| begin(cause.to_string()))
     }
 
     /// Starts the threads over a begun log; `sync` brings flushed bytes to the disk.
     fn spawn<W>(
         log: LogWriter<W>,
-        live: Option<LiveView>,
+        viewed: Viewed,
         sync: impl FnMut() -> io::Result<()> + Send + 'static,
     ) -> io::Result<Self>
     where
@@ -158,7 +161,7 @@ impl Recorder {
         let (metronome_stop, stopped) = channel();
         let counts = Arc::new(Counts::default());
         let scribe =
-            Scribe { log: Some(log), live, sync, n_unflushed: 0, counts: Arc::clone(&counts) };
+            Scribe { log: Some(log), viewed, sync, n_unflushed: 0, counts: Arc::clone(&counts) };
         let beats = queue.clone();
         let threads = vec![
             thread::Builder::new().name("log".into()).spawn(move || scribe.run(&jobs))?,
@@ -265,10 +268,26 @@ fn beat(stopped: &Receiver<()>, queue: &SyncSender<Job>) {
     }
 }
 
+/// Brings the name of a new file to the disk: without it a power cut takes the whole file.
+fn sync_folder_of(path: &Path) {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+    let synced = File::open(folder.unwrap_or(Path::new("."))).and_then(|folder| folder.sync_all());
+    if let Err(error) = synced {
+        tracing::warn!(%error, "the log's name cannot be brought to the disk");
+    }
+}
+
+/// What is made for viewers.
+#[derive(Debug, Default)]
+struct Viewed {
+    live: Option<LiveView>,
+    body_from_lidar: Option<Transform<Body, Lidar>>,
+}
+
 /// What the writing thread owns; the log is gone once the disk has failed.
 struct Scribe<W: Write + Seek, S> {
     log: Option<LogWriter<W>>,
-    live: Option<LiveView>,
+    viewed: Viewed,
     sync: S,
     n_unflushed: u64,
     counts: Arc<Counts>,
@@ -283,24 +302,25 @@ impl<W: Write + Seek, S: FnMut() -> io::Result<()>> Scribe<W, S> {
                 Job::Flush => self.flush(),
             }
         }
-        if let Some(mut log) = self.log.take() {
+        if let Some(log) = self.log.take() {
             let ended = log.finish();
             self.settle(ended);
+            self.bring_to_disk();
         }
     }
 
     fn write(&mut self, lost_before: u64, at: Stamp<Mono>, entry: &Entry) {
         self.n_unflushed += 1;
         // A disk that has failed ends the file, not the view.
-        if self.log.is_none() && self.live.is_none() {
+        if self.log.is_none() && self.viewed.live.is_none() {
             self.count_lost();
             return;
         }
-        let written = match Written::new(at, entry) {
+        let written = match Written::new(at, entry, self.viewed.body_from_lidar.as_ref()) {
             Ok(written) => written,
             Err(error) => return self.settle(Err(error.into())),
         };
-        if let Some(live) = &self.live {
+        if let Some(live) = &self.viewed.live {
             live.show(at, &written);
         }
         let Some(log) = &mut self.log else {
@@ -324,6 +344,10 @@ impl<W: Write + Seek, S: FnMut() -> io::Result<()>> Scribe<W, S> {
         let Some(log) = &mut self.log else { return };
         let flushed = log.flush();
         self.settle(flushed);
+        self.bring_to_disk();
+    }
+
+    fn bring_to_disk(&mut self) {
         if let Err(error) = (self.sync)() {
             tracing::warn!(%error, "the log cannot be brought to the disk");
         }

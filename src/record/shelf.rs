@@ -7,6 +7,7 @@
 
 use super::reader::{LogItem, LogReader};
 use super::topic::Topic;
+use super::writer::CHUNK_BYTES;
 use crate::messages::Room;
 use atomic_write_file::AtomicWriteFile;
 use serde::Serialize;
@@ -18,6 +19,9 @@ const REPORTED: &str = "reported.json";
 const EMPTY: &str = "empty";
 /// The part of a recorded step of the mission that makes a log one of a flight.
 const TO_TAKE_OFF: &[u8] = br#""to":"take_off""#;
+/// What a power cut leaves unreadable at the end: one chunk, begun and not finished. A chunk shrinks when it
+/// is compressed; the quarter more is for its index and for the message that filled it.
+const LONGEST_CUT_BYTES: u64 = CHUNK_BYTES + CHUNK_BYTES / 4;
 
 /// What is known of a log.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -91,12 +95,17 @@ pub fn mark_reported(log: &Path, what: &str) -> io::Result<()> {
     file.commit()
 }
 
-/// True if somebody took off while the log was written, or if that cannot be known: the log has gaps or
-/// no proper end. One that a power cut ended cannot be told from one whose damage hides a flight.
+/// True if somebody took off while the log was written, or if that cannot be known: its head is unreadable, it
+/// has gaps, or more of it is unreadable than a second or two.
+///
+/// A box that stands switched on loses its power sooner or later, and its logs then lack their proper end.
+/// Such a file is readable but for one chunk that was begun; damage that hides a flight, or makes the file look
+/// as if it ended early, leaves megabytes unread behind it.
 ///
 /// # Errors
 /// The log cannot be opened.
 pub fn has_flown(log: &Path) -> io::Result<bool> {
+    let n_bytes = std::fs::metadata(log)?.len();
     let mut reader = LogReader::<BufReader<std::fs::File>>::open(log)?;
     for item in reader.by_ref() {
         if let LogItem::Result { topic: Topic::Phase, json, .. } = item
@@ -105,7 +114,12 @@ pub fn has_flown(log: &Path) -> io::Result<bool> {
             return Ok(true);
         }
     }
-    Ok(!reader.is_complete())
+    if reader.is_complete() {
+        return Ok(false);
+    }
+    let n_unread = n_bytes.saturating_sub(reader.readable_bytes());
+    let is_cut_off = reader.began_at().is_some() && n_unread <= LONGEST_CUT_BYTES;
+    Ok(reader.has_gaps() || !is_cut_off)
 }
 
 /// How the folder is looked after.

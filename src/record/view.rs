@@ -1,6 +1,7 @@
 //! Messages for viewers, derived from entries; no replay looks at them.
 
 use super::entry::{Entry, RecordedEvent};
+use crate::geometry::{Body, Frame, Lidar, Transform};
 use crate::messages::{Beam, HeightMap, NavEstimate, Scan, Severity, StatusText};
 use crate::pilot::{Action, Event};
 use crate::time::{Mono, Stamp};
@@ -8,8 +9,8 @@ use foxglove::bytes::Bytes;
 use foxglove::schemas::log::Level;
 use foxglove::schemas::packed_element_field::NumericType;
 use foxglove::schemas::{
-    Grid, LaserScan, Log, PackedElementField, Pose, PoseInFrame, Quaternion, Timestamp, Vector2,
-    Vector3,
+    FrameTransform, FrameTransforms, Grid, LaserScan, Log, PackedElementField, Pose, PoseInFrame,
+    Quaternion, Timestamp, Vector2, Vector3,
 };
 use foxglove::{Encode, Schema};
 use std::f64::consts::{PI, TAU};
@@ -21,6 +22,8 @@ pub(super) enum ViewTopic {
     Scan,
     /// `foxglove.PoseInFrame`, body in the frame `hall`.
     Pose,
+    /// `foxglove.FrameTransforms`: body in the frame `hall`, LiDAR in the frame `body`.
+    Transforms,
     /// `foxglove.Log`.
     Log,
     /// `foxglove.Grid` with `elevation` and `sigma`, in the frame `hall`.
@@ -28,12 +31,15 @@ pub(super) enum ViewTopic {
 }
 
 impl ViewTopic {
-    pub(super) const ALL: [Self; 4] = [Self::Scan, Self::Pose, Self::Log, Self::Surface];
+    pub(super) const ALL: [Self; 5] =
+        [Self::Scan, Self::Pose, Self::Transforms, Self::Log, Self::Surface];
 
     pub(super) const fn name(self) -> &'static str {
         match self {
             Self::Scan => "/view/scan",
             Self::Pose => "/view/pose",
+            // The name that viewers are used to.
+            Self::Transforms => "/tf",
             Self::Log => "/view/log",
             Self::Surface => "/view/surface",
         }
@@ -43,32 +49,39 @@ impl ViewTopic {
         match self {
             Self::Scan => LaserScan::get_schema(),
             Self::Pose => PoseInFrame::get_schema(),
+            Self::Transforms => FrameTransforms::get_schema(),
             Self::Log => Log::get_schema(),
             Self::Surface => Grid::get_schema(),
         }
     }
 }
 
-/// The view of an entry written at `at`; `None` if it has none.
-pub(super) fn view_of(entry: &Entry, at: Stamp<Mono>) -> Option<(ViewTopic, Vec<u8>)> {
-    match entry {
+/// What viewers see of an entry written at `at`.
+pub(super) fn views_of(
+    entry: &Entry,
+    at: Stamp<Mono>,
+    body_from_lidar: Option<&Transform<Body, Lidar>>,
+) -> Vec<(ViewTopic, Vec<u8>)> {
+    let views = match entry {
         Entry::Event(RecordedEvent::Plain(Event::Scanned(scan))) => {
-            Some((ViewTopic::Scan, bytes_of(&laser_scan(scan))?))
+            [view(ViewTopic::Scan, &laser_scan(scan)), None]
         }
-        Entry::Result(Action::PublishOdometry(estimate)) => {
-            Some((ViewTopic::Pose, bytes_of(&pose(estimate))?))
-        }
-        Entry::Result(Action::Say(text)) => Some((ViewTopic::Log, bytes_of(&log(text, at))?)),
+        Entry::Result(Action::PublishOdometry(estimate)) => [
+            view(ViewTopic::Pose, &pose(estimate)),
+            view(ViewTopic::Transforms, &transforms(estimate, body_from_lidar)),
+        ],
+        Entry::Result(Action::Say(text)) => [view(ViewTopic::Log, &log(text, at)), None],
         Entry::Result(Action::SurfaceSolved(surface)) => {
-            Some((ViewTopic::Surface, bytes_of(&grid(surface))?))
+            [view(ViewTopic::Surface, &grid(surface)), None]
         }
-        _ => None,
-    }
+        _ => return Vec::new(),
+    };
+    views.into_iter().flatten().collect()
 }
 
-fn bytes_of<T: Encode>(message: &T) -> Option<Vec<u8>> {
+fn view<T: Encode>(topic: ViewTopic, message: &T) -> Option<(ViewTopic, Vec<u8>)> {
     let mut bytes = Vec::new();
-    message.encode(&mut bytes).ok().map(|()| bytes)
+    message.encode(&mut bytes).ok().map(|()| (topic, bytes))
 }
 
 fn timestamp(at: Stamp<Mono>) -> Option<Timestamp> {
@@ -115,16 +128,38 @@ fn bin_of(beam: &Beam, n_bins: usize) -> usize {
 }
 
 fn pose(estimate: &NavEstimate) -> PoseInFrame {
-    let (origin, q) =
-        (estimate.hall_from_body.origin.coords, estimate.hall_from_body.rotation.quaternion());
+    let (position, orientation) = place_of(&estimate.hall_from_body);
     PoseInFrame {
         timestamp: timestamp(estimate.at),
         frame_id: "hall".into(),
-        pose: Some(Pose {
-            position: Some(Vector3 { x: origin.x, y: origin.y, z: origin.z }),
-            orientation: Some(Quaternion { x: q.i, y: q.j, z: q.k, w: q.w }),
-        }),
+        pose: Some(Pose { position: Some(position), orientation: Some(orientation) }),
     }
+}
+
+/// Where the body stands in the hall, and the LiDAR on the body: with every pose, so that who comes later
+/// waits for nothing.
+fn transforms(
+    estimate: &NavEstimate,
+    body_from_lidar: Option<&Transform<Body, Lidar>>,
+) -> FrameTransforms {
+    let transform = |parent: &str, child: &str, (translation, rotation)| FrameTransform {
+        timestamp: timestamp(estimate.at),
+        parent_frame_id: parent.into(),
+        child_frame_id: child.into(),
+        translation: Some(translation),
+        rotation: Some(rotation),
+    };
+    let body = transform("hall", "body", place_of(&estimate.hall_from_body));
+    let lidar = body_from_lidar.map(|mount| transform("body", "lidar", place_of(mount)));
+    FrameTransforms { transforms: [body].into_iter().chain(lidar).collect() }
+}
+
+fn place_of<To: Frame, From: Frame>(pose: &Transform<To, From>) -> (Vector3, Quaternion) {
+    let (origin, q) = (pose.origin.coords, pose.rotation.quaternion());
+    (
+        Vector3 { x: origin.x, y: origin.y, z: origin.z },
+        Quaternion { x: q.i, y: q.j, z: q.k, w: q.w },
+    )
 }
 
 fn log(text: &StatusText, at: Stamp<Mono>) -> Log {

@@ -4,6 +4,7 @@ use super::build_identity;
 use super::entry::{Encoded, Written, encode};
 use super::topic::{ConfigTwin, LostTwin, Topic};
 use super::view::ViewTopic;
+use crate::geometry::{Body, Lidar, Transform};
 use crate::time::{Mono, Stamp};
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{Compression, McapError, WriteOptions};
@@ -11,10 +12,10 @@ use std::collections::BTreeMap;
 use std::io::{Seek, Write};
 
 /// Uncompressed bytes in a chunk: about a second of flight.
-const CHUNK_BYTES: u64 = 512 * 1024;
+pub(super) const CHUNK_BYTES: u64 = 512 * 1024;
 
 /// What stands at the head of a log.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct LogHeader {
     /// When the log begins; viewers start their time line here.
     pub started_at: Stamp<Mono>,
@@ -22,6 +23,8 @@ pub struct LogHeader {
     pub config_toml: String,
     /// Anything else worth knowing, such as civil time at the start.
     pub notes: BTreeMap<String, String>,
+    /// How the LiDAR is mounted, by which viewers place its turns; `None` where there is none.
+    pub body_from_lidar: Option<Transform<Body, Lidar>>,
 }
 
 impl LogHeader {
@@ -38,7 +41,12 @@ impl LogHeader {
 
 impl Default for LogHeader {
     fn default() -> Self {
-        Self { started_at: Stamp::ZERO, config_toml: String::new(), notes: BTreeMap::new() }
+        Self {
+            started_at: Stamp::ZERO,
+            config_toml: String::new(),
+            notes: BTreeMap::new(),
+            body_from_lidar: None,
+        }
     }
 }
 
@@ -82,10 +90,10 @@ impl<W: Write + Seek> LogWriter<W> {
     /// Writes an entry and what viewers see of it.
     pub(super) fn write(&mut self, at: Stamp<Mono>, written: &Written) -> Result<(), WriteError> {
         self.write_encoded(at, &written.encoded)?;
-        if let Some((topic, bytes)) = &written.view
-            && let Some(channel) = self.views.get(topic)
-        {
-            self.write_message(*channel, at, bytes)?;
+        for (topic, bytes) in &written.views {
+            if let Some(channel) = self.views.get(topic).copied() {
+                self.write_message(channel, at, bytes)?;
+            }
         }
         Ok(())
     }
@@ -100,10 +108,10 @@ impl<W: Write + Seek> LogWriter<W> {
         Ok(self.mcap.flush()?)
     }
 
-    /// Writes index and end.
-    pub(super) fn finish(&mut self) -> Result<(), WriteError> {
+    /// Writes index and end, to the last byte.
+    pub(super) fn finish(mut self) -> Result<(), WriteError> {
         self.mcap.finish()?;
-        Ok(())
+        Ok(self.mcap.into_inner().flush().map_err(McapError::from)?)
     }
 
     fn write_metadata(&mut self, header: &LogHeader) -> Result<(), WriteError> {

@@ -19,10 +19,10 @@ pub(super) enum Part {
     Table(Table),
     /// Parts of wholes as bars.
     Bars(Bars),
-    /// Pictures, each with a line below it; two of them stand side by side where there is room.
+    /// Pictures, each with a line below it.
     Pictures(Vec<Picture>),
-    /// Lines to sign on.
-    Signatures(Vec<&'static str>),
+    /// Lines to sign on, with what stands below each.
+    Signatures(Vec<String>),
     /// What follows begins on a page of its own.
     NewPage,
 }
@@ -109,8 +109,6 @@ pub(super) struct Picture {
     pub(super) svg: String,
     /// What it shows.
     pub(super) caption: String,
-    /// It needs the whole width.
-    pub(super) is_wide: bool,
 }
 
 /// A report, ready to be set.

@@ -3,6 +3,7 @@
 use super::content::{Column, Part, Table};
 use super::facts::Facts;
 use super::words;
+use crate::mapping::statement::{COVERAGE_FACTOR, Statement};
 use crate::messages::Verdict as FixVerdict;
 use crate::survey::{Flight, Reproduction};
 
@@ -42,11 +43,11 @@ pub(super) fn parts(facts: &Facts, log_sha256: &str) -> Vec<Part> {
         Part::Heading("Decision rule".to_owned()),
         Part::Text(facts.wishes.target.rule()),
         Part::Heading("To compute it again".to_owned()),
-        Part::Text(again(flight)),
+        Part::List(again(flight)),
         Part::Text(format!("SHA-256 of the log: {log_sha256}")),
         Part::Heading("What this is, and what not".to_owned()),
         Part::Text(LIMITS.to_owned()),
-        Part::Signatures(vec!["Operator", "Reviewed by", "Date"]),
+        Part::Signatures(signatures(facts)),
     ]);
     parts
 }
@@ -118,7 +119,7 @@ fn instrument(flight: &Flight) -> Vec<Vec<String>> {
     let region = &config.hall.region;
     vec![
         row("LiDAR", config.lidar.model.clone()),
-        row("Cameras, tags", format!("{}, {}", config.cameras.len(), config.tags.len())),
+        row("Cameras, known tags", format!("{} and {}", config.cameras.len(), config.tags.len())),
         row("Surface", format!("{method}, cells of {} m", config.surface.cell_m)),
         row(
             "Region",
@@ -148,11 +149,8 @@ fn densities(flight: &Flight) -> Table {
     let rows = flight.config.bays.iter().filter_map(|bay| {
         let mean = bay.density_t_per_m3?;
         let sigma = bay.density_sigma_t_per_m3.unwrap_or(0.0);
-        Some(vec![
-            bay.name.clone(),
-            format!("{mean} ± {:.3}", 2.0 * sigma),
-            "configuration".to_owned(),
-        ])
+        let stated = Statement::new(mean, sigma, COVERAGE_FACTOR, "t/m³").ok()?;
+        Some(vec![bay.name.clone(), words::amounts(&stated), "configuration".to_owned()])
     });
     Table {
         columns: vec![
@@ -176,15 +174,23 @@ fn warnings(flight: &Flight) -> Vec<String> {
     lines
 }
 
-fn again(flight: &Flight) -> String {
+/// Commands, each with what it does.
+fn again(flight: &Flight) -> Vec<String> {
     let file = flight.log.file_name().unwrap_or_default().to_string_lossy();
     match flight.reproduction {
         Reproduction::ResultsOnly => {
-            format!("stockpilot merge {}", flight.merged_from.join(" "))
+            vec![format!("stockpilot merge {}", flight.merged_from.join(" "))]
         }
-        Reproduction::Identical | Reproduction::Different => format!(
-            "stockpilot replay {file} --verify  (every result), stockpilot report {file} --out DIR  (this \
-             report)"
-        ),
+        Reproduction::Identical | Reproduction::Different => vec![
+            format!("every result: stockpilot replay {file} --verify"),
+            format!("this report: stockpilot report {file} --out DIR"),
+        ],
     }
+}
+
+fn signatures(facts: &Facts) -> Vec<String> {
+    let operator = facts.wishes.operator.as_ref();
+    let operator =
+        operator.map_or_else(|| "Operator".to_owned(), |name| format!("Operator: {name}"));
+    vec![operator, "Reviewed by".to_owned(), "Date".to_owned()]
 }

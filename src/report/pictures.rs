@@ -101,8 +101,7 @@ pub(super) fn sections(flight: &Flight, bays: &[BayOnGrid]) -> Result<Vec<Pictur
     let along_y: Vec<usize> = (0..grid.n_rows).map(|row| grid.index(col, row)).collect();
     let draw = |cells: &[usize], axis: usize, title: String| {
         let chart = section(surface, &hall.base.cell_base_m, &counts, cells, axis, title);
-        let caption = "Section through the highest cell: surface with ± 2σ, and base.";
-        Ok(Picture { is_wide: true, ..picture(&chart, caption)? })
+        picture(&chart, "Section through the highest cell: surface with ± 2σ, and base.")
     };
     Ok(vec![
         draw(&along_x, 0, format!("Section at y = {y_m:.2} m"))?,
@@ -151,7 +150,7 @@ fn section(
 }
 
 fn picture(figure: &impl Figure, caption: &str) -> Result<Picture, FigureError> {
-    Ok(Picture { svg: figure.svg()?, caption: caption.to_owned(), is_wide: false })
+    Ok(Picture { svg: figure.svg()?, caption: caption.to_owned() })
 }
 
 fn masked(values: &[f64], counts: &[bool]) -> Vec<f64> {

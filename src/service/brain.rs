@@ -26,6 +26,7 @@ const TICKS_PER_STATUS: u64 = 6;
 /// What waits in an input when a tick strikes is taken in first, but no more than this.
 const MAX_BEFORE_TICK: usize = 256;
 const WARN_EVERY: Duration = Duration::from_secs(1);
+const WARN_AT_LEAST_EVERY: Duration = Duration::from_secs(60);
 /// Frames that the guard refuses may come for as long as somebody sends them.
 const WARN_OF_REFUSALS_EVERY: Duration = Duration::from_secs(10);
 
@@ -74,7 +75,8 @@ pub(super) struct Brain {
     /// Who waits for the mission's answers to the own page, in their order.
     wished: VecDeque<Wish>,
     last_tick: Arc<AtomicI64>,
-    warned: (Stamp<Mono>, u64),
+    /// When losses were told of last, how much was lost by then, and how long nothing more is said.
+    warned: (Stamp<Mono>, u64, Duration),
     /// When a slow line was told of last, and how much had been replaced by then.
     warned_of_slow_line: (Stamp<Mono>, u64),
     /// When refused frames were told of last, and how many there were then.
@@ -107,7 +109,7 @@ impl Brain {
             feed,
             wished: VecDeque::new(),
             last_tick: Arc::new(AtomicI64::new(now.nanos())),
-            warned: (now, 0),
+            warned: (now, 0, WARN_EVERY),
             warned_of_slow_line: (now, 0),
             warned_of_refusals: None,
             warned_of_autopilots: false,
@@ -333,11 +335,12 @@ impl Brain {
     }
 
     fn warn_of_loss(&mut self, now: Stamp<Mono>) {
-        let (warned_at, lost_before) = self.warned;
+        let (warned_at, lost_before, wait) = self.warned;
         let lost = self.status.stats.lost();
-        if lost > lost_before && now.since(warned_at) >= WARN_EVERY {
+        if lost > lost_before && now.since(warned_at) >= wait {
             tracing::warn!(lost = lost - lost_before, stats = ?self.status.stats, "data was lost");
-            self.warned = (now, lost);
+            // What goes on, as behind a failed disk, is told ever less often.
+            self.warned = (now, lost, (2 * wait).min(WARN_AT_LEAST_EVERY));
         }
     }
 

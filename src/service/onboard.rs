@@ -350,5 +350,6 @@ fn header(config: &Config, now: Stamp<Mono>) -> Result<LogHeader, ConfigError> {
         started_at: now,
         config_toml: config.to_toml()?,
         notes: BTreeMap::from([("started_utc".to_owned(), started_at)]),
+        body_from_lidar: Some(config.pilot_settings()?.mapping.lidar.body_from_lidar),
     })
 }

@@ -260,6 +260,7 @@ impl MergedSurvey {
             started_at: at,
             config_toml: self.config_toml.clone(),
             notes: [("merged_from".to_owned(), names.join("\n"))].into(),
+            body_from_lidar: None,
         };
         let mut recorder = Recorder::create(path, &header)?.waiting();
         recorder.result(at, &Action::VolumesAccounted(self.accounts.clone()));

@@ -183,12 +183,22 @@ pub(super) fn remarks(is_complete: bool, volumes: &[Volume], target_percent: f64
         }
         match volume.expanded_percent {
             Some(percent) if percent > target_percent => remarks.push(format!(
-                "{name}: U is {percent:.1} % of the volume, wished for were {target_percent:.1} %"
+                "{name}: U is {}, wished for were {target_percent:.1} %",
+                share_of_volume(percent)
             )),
             _ => {}
         }
     }
     remarks
+}
+
+/// An uncertainty in words, without false digits.
+fn share_of_volume(percent: f64) -> String {
+    match percent {
+        ..10.0 => format!("{percent:.1} % of the volume"),
+        ..=100.0 => format!("{percent:.0} % of the volume"),
+        _ => "more than the volume itself".to_owned(),
+    }
 }
 
 #[cfg(test)]
@@ -217,5 +227,9 @@ mod tests {
         assert_eq!(of(true, [0.9, 0.0, 0.1, 0.0], 1.4), ["salt: 10 % of the volume was not seen"]);
         let wide = ["salt: U is 2.6 % of the volume, wished for were 2.0 %"];
         assert_eq!(of(true, [1.0, 0.0, 0.0, 0.0], 2.6), wide);
+        let wider = ["salt: U is 80 % of the volume, wished for were 2.0 %"];
+        assert_eq!(of(true, [1.0, 0.0, 0.0, 0.0], 80.46), wider);
+        let widest = ["salt: U is more than the volume itself, wished for were 2.0 %"];
+        assert_eq!(of(true, [1.0, 0.0, 0.0, 0.0], 1085.1), widest);
     }
 }

@@ -169,6 +169,8 @@ def test_each_button_is_acknowledged(flight, desktop, phone):
     page.click(".act-land")
     expect(page.locator("#answer")).to_contain_text("LAND HERE acknowledged: land")
     picture(phone, "5-land-phone")
+    # Who may decide is asked on every screen.
+    expect(phone.page.locator("#review-dialog")).to_be_visible()
 
 
 def test_after_landing_the_gaps_are_offered_and_flown_on_the_same_map(flight, desktop, phone):
@@ -201,6 +203,8 @@ def test_after_landing_the_gaps_are_offered_and_flown_on_the_same_map(flight, de
             return whole.expanded_m3 < 0.95 * u && whole.shares[0] > share;
         }""",
         arg=[before["volumes"][0]["expanded_m3"], before["volumes"][0]["shares"][0]], timeout=PATIENCE_MS)
+    # The dialog over the last flight is gone from every screen, before its buttons could be taken for this one's.
+    expect(phone.page.locator("#review-dialog")).to_be_hidden()
     picture(desktop, "7-gaps-desktop")
     picture(phone, "7-gaps-phone")
     page.click(".act-return")

@@ -7,8 +7,10 @@ schema; what was said live is what stands in the log. A viewer that takes nothin
 Protocol: https://github.com/foxglove/ws-protocol, of the subprotocol `foxglove.sdk.v1`.
 """
 import base64
+import bisect
 import collections
 import json
+import math
 import pathlib
 import socket
 import struct
@@ -31,7 +33,7 @@ FLIGHT = ["fly", "--world", "piles", "--seed", "5", "--speed", "4", "--steps", "
 SPOKEN = {"/event/tick", "/event/imu", "/event/scan", "/event/tags", "/event/vehicle", "/event/battery",
           "/result/setpoint", "/result/odometry", "/result/fix", "/result/phase", "/result/plan",
           "/result/surface", "/result/accounts", "/result/volume", "/result/ended", "/config",
-          "/view/scan", "/view/pose", "/view/log", "/view/surface"}
+          "/view/scan", "/view/pose", "/tf", "/view/log", "/view/surface"}
 
 
 class Viewer:
@@ -141,6 +143,72 @@ def compared(viewer, log):
     return n_heard, n_logged
 
 
+def turned(q, v):
+    """The vector v turned by the unit quaternion q: v + 2 w (u × v) + 2 u × (u × v)."""
+    def cross(a, b):
+        return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    u = [q.x, q.y, q.z]
+    once = cross(u, v)
+    twice = cross(u, once)
+    return [v[i] + 2 * q.w * once[i] + 2 * twice[i] for i in range(3)]
+
+
+def placed(viewer):
+    """The LiDAR's turns, placed by `/tf` alone, lie on the last surface: median distance in height, m."""
+    decode = decoders(viewer.channels)
+    transforms = [decode["/tf"](payload).transforms for _, payload in viewer.heard["/tf"]]
+    frames = [[(t.parent_frame_id, t.child_frame_id) for t in of_one] for of_one in transforms]
+    assert all(names == [("hall", "body"), ("body", "lidar")] for names in frames), frames[0]
+    grid = decode["/view/surface"](viewer.heard["/view/surface"][-1][1])
+    assert grid.frame_id == "hall" and grid.fields[0].name == "elevation", grid.frame_id
+    places = {nanos(of_one[0].timestamp): of_one for of_one in transforms}
+    stamps = sorted(places)
+    off = []
+    for _, payload in viewer.heard["/view/scan"][::7]:
+        scan = decode["/view/scan"](payload)
+        assert scan.frame_id == "lidar", scan.frame_id
+        # A turn takes 0.1 s; the pose in its middle is near enough for centimetres.
+        at = nanos(scan.timestamp) + 50_000_000
+        nearest = min(stamps[max(bisect.bisect(stamps, at) - 1, 0):][:2], key=lambda stamp: abs(stamp - at))
+        if abs(nearest - at) < 30_000_000:
+            off += heights_off(scan, places[nearest], grid)
+    assert len(off) > 300, len(off)
+    return sorted(off)[len(off) // 2]
+
+
+def heights_off(scan, transforms, grid):
+    """How far what lies steeply below the LiDAR is off the surface, m, where that is known; other beams see walls."""
+    n_beams, off = len(scan.ranges), []
+    step = (scan.end_angle - scan.start_angle) / (n_beams - 1)
+    n_rows = len(grid.data) // grid.row_stride
+    for beam in range(0, n_beams, 5):
+        distance, angle = scan.ranges[beam], scan.start_angle + beam * step
+        if not math.isfinite(distance):
+            continue
+        place = placed_by(transforms, [distance * math.cos(angle), distance * math.sin(angle), 0.0])
+        if place[2] - placed_by(transforms, [0.0, 0.0, 0.0])[2] > -0.7 * distance:
+            continue
+        column = math.floor((place[0] - grid.pose.position.x) / grid.cell_size.x)
+        row = math.floor((place[1] - grid.pose.position.y) / grid.cell_size.y)
+        if 0 <= column < grid.column_count and 0 <= row < n_rows:
+            [height] = struct.unpack_from("<f", grid.data, row * grid.row_stride + column * grid.cell_stride)
+            if math.isfinite(height):
+                off.append(abs(place[2] - height))
+    return off
+
+
+def placed_by(transforms, place):
+    """A place in the last frame, in the first one."""
+    for transform in reversed(transforms):
+        place, origin = turned(transform.rotation, place), transform.translation
+        place = [place[0] + origin.x, place[1] + origin.y, place[2] + origin.z]
+    return place
+
+
+def nanos(stamp):
+    return stamp.seconds * 1_000_000_000 + stamp.nanos
+
+
 def main():
     with tempfile.TemporaryDirectory() as folder, \
             running(program("stockpilot-sim"), *FLIGHT, "--log", folder) as child:
@@ -160,11 +228,14 @@ def main():
         assert report["complete"] and report["beams_dropped"] == 0, report
         [log] = pathlib.Path(folder).glob("*.mcap")
         n_heard, n_logged = compared(viewer, log)
+        off_m = placed(viewer)
+        assert off_m < 0.1, off_m
         n_late = len(viewer.heard["/config"])
         assert n_late == 1, "who comes later gets the configuration too"
         stalled.socket.close()
     print(f"foxglove: {len(viewer.channels)} channels as in the log; {n_heard} of {n_logged} messages heard live, all "
-          "decoded and equal to the log's; a viewer that takes nothing beside it")
+          f"decoded and equal to the log's; turns placed by /tf lie {off_m:.3f} m off the surface (median); "
+          "a viewer that takes nothing beside it")
     return 0
 
 

@@ -68,7 +68,8 @@ def two(value):
 def stated(value, sigma):
     """y ± U with k = 2 by GUM 7.2.6, in decimal arithmetic: U to two digits, y to the same place."""
     rounded, place = two_digits(2.0 * sigma)
-    y = decimal.Decimal(value).quantize(place, decimal.ROUND_HALF_EVEN)
+    # A value that rounds to nothing has no sign.
+    y = decimal.Decimal(value).quantize(place, decimal.ROUND_HALF_EVEN) + 0
     return f"{y:f} ± {rounded:f}".replace("-", "−")
 
 
@@ -121,7 +122,7 @@ def test_pdf(out, report):
 
 
 # Sources by their names in the data, as people read them.
-SOURCES = {"prior": "gaps", "clock_offset": "clock"}
+SOURCES = {"prior": "gaps", "occlusion": "hollows", "lidar_mounting": "LiDAR mounting"}
 
 
 def test_pdf_tables(texts, report):
@@ -142,7 +143,7 @@ def test_pdf_tables(texts, report):
         ]
         if book:
             difference = stated(book["difference"], book["sigma"])
-            rows.append(f"{book['book']:.0f} {book['unit']} ({difference}) {book['unit']} "
+            rows.append(f"{book['book']:g} {book['unit']} ({difference}) {book['unit']} "
                         f"{judged[book['is_significant']]}")
         for row in rows:
             assert row in texts[0], f"{row!r} is not on page 1:\n{texts[0]}"
@@ -150,7 +151,7 @@ def test_pdf_tables(texts, report):
         budget = everything.split(f"{name}: {volume} m³", 1)[1].split("Tonnes: ", 1)[0]
         of_volume = {source: var for source, var in account["budget_m6"].items() if source != "density"}
         whole = sum(of_volume.values())
-        printed = re.findall(r"([a-z][a-z ]*?) ([\d.]+) m³, ([\d.]+) % of the variance", budget)
+        printed = re.findall(r"([A-Za-z][A-Za-z ]*?) ([\d.]+) m³, ([\d.]+) % of the variance", budget)
         assert printed and sum(float(share) for _, _, share in printed) > 99.0, budget
         by_name = {SOURCES.get(source, source.replace("_", " ")): var for source, var in of_volume.items()}
         for source, expanded, share in printed:
@@ -158,7 +159,9 @@ def test_pdf_tables(texts, report):
             assert (expanded, share) == (two(2.0 * var ** 0.5), two(100.0 * var / whole)), (name, source)
         n_numbers += 2 * len(printed) + len(rows)
     beams, survey = report["beams"], report["survey"]
-    for wanted in [f"{beams['received']} received, {beams['used']} of the material",
+    # The densities as the flights of this test are configured: (1.6 ± 0.03) t/m³, 1σ.
+    for wanted in [stated(1.6, 0.03), "Operator: A. Person",
+                   f"{beams['received']} received, {beams['used']} of the material",
                    f"{survey['waypoints']} waypoints, {survey['path_length_m']:.1f} m of path"]:
         assert wanted in everything, wanted
     print(f"PDF: {n_numbers} entries of its tables are the log's numbers, rounded")
@@ -349,7 +352,7 @@ def main():
         folder = pathlib.Path(folder)
         out = folder / "report"
         stockpilot("report", later, "--out", out, "--against", earlier, "--site", "Test hall",
-                   "--book-of", "hall=300m3")
+                   "--operator", "A. Person", "--book-of", "hall=300m3")
         report = json.loads((out / "report.json").read_text())
         assert report["log"]["reproduction"] == "identical" and report["log"]["complete"]
         assert report["log"]["sha256"] == hashlib.sha256(later.read_bytes()).hexdigest()

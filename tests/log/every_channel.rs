@@ -293,13 +293,14 @@ fn viewers_find_every_derived_channel() {
     let mut views = BTreeMap::new();
     for message in mcap::MessageStream::new(&bytes).unwrap() {
         let message = message.unwrap();
-        if message.channel.topic.starts_with("/view/") {
+        if message.channel.message_encoding == "protobuf" {
             let schema = message.channel.schema.as_ref().unwrap().name.clone();
             views.insert(message.channel.topic.clone(), (schema, message.data.len()));
         }
     }
     let names: Vec<_> = views.iter().map(|(topic, (schema, _))| (&**topic, &**schema)).collect();
     let expected = [
+        ("/tf", "foxglove.FrameTransforms"),
         ("/view/log", "foxglove.Log"),
         ("/view/pose", "foxglove.PoseInFrame"),
         ("/view/scan", "foxglove.LaserScan"),

@@ -1,5 +1,6 @@
 use super::*;
 use std::io::{Cursor, SeekFrom};
+use std::sync::{Mutex, MutexGuard};
 
 /// A disk with room for so many bytes.
 #[derive(Debug)]
@@ -40,7 +41,7 @@ fn a_full_disk_is_counted_and_blocks_nobody() {
 fn fill_a_disk_of(room: u64) {
     let disk = SmallDisk { bytes: Cursor::default(), room };
     let log = LogWriter::begin(BufWriter::new(disk), &LogHeader::default()).unwrap();
-    let mut recorder = Recorder::spawn(log, None, || Ok(())).unwrap();
+    let mut recorder = Recorder::spawn(log, Viewed::default(), || Ok(())).unwrap();
     for n in 0..3000 {
         recorder.event(Stamp::from_nanos(n), &tick(n * n * 7919));
     }
@@ -48,6 +49,46 @@ fn fill_a_disk_of(room: u64) {
     assert!(stats.has_failed);
     assert!(stats.lost_on_disk > 0);
     assert_eq!(stats.written + stats.lost_on_disk + stats.lost_in_queue, 3000);
+}
+
+/// What has left the program, for somebody else to look at.
+#[derive(Debug, Clone, Default)]
+struct SharedDisk(Arc<Mutex<Cursor<Vec<u8>>>>);
+
+impl SharedDisk {
+    fn cursor(&self) -> MutexGuard<'_, Cursor<Vec<u8>>> {
+        self.0.lock().unwrap()
+    }
+}
+
+impl Write for SharedDisk {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.cursor().write(bytes)
+    }
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+impl Seek for SharedDisk {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        self.cursor().seek(to)
+    }
+}
+
+#[test]
+fn the_end_of_a_log_is_brought_to_the_disk() {
+    let disk = SharedDisk::default();
+    let log = LogWriter::begin(BufWriter::new(disk.clone()), &LogHeader::default()).unwrap();
+    let (synced, n_synced) = channel();
+    let seen = disk.clone();
+    let sync = move || synced.send(seen.cursor().get_ref().len()).map_err(io::Error::other);
+    let mut recorder = Recorder::spawn(log, Viewed::default(), sync).unwrap();
+    (0..100).for_each(|n| recorder.event(Stamp::from_nanos(n), &tick(n)));
+    assert_eq!(recorder.close().written, 100);
+    let bytes = disk.cursor().get_ref().clone();
+    assert!(bytes.ends_with(b"\x89MCAP0\r\n"));
+    assert_eq!(n_synced.try_iter().last(), Some(bytes.len()));
 }
 
 #[test]

@@ -1,16 +1,19 @@
 use super::*;
+use crate::messages::ImuSample;
 use crate::mission::Phase;
 use crate::pilot::{Action, Event, PhaseChange};
+use crate::record::writer::LogWriter;
 use crate::record::{LogHeader, Recorder};
-use crate::time::Stamp;
+use crate::time::{Mono, Stamp};
 
-/// Writes a log of a minute's ticks, with a take-off in the middle or without.
+/// Writes a log of a minute on the ground, with a take-off in the middle or without; as long as several cuts.
 fn write_log(folder: &Path, name: &str, takes_off: bool) -> PathBuf {
     let path = folder.join(name);
     let mut recorder = Recorder::create(&path, &LogHeader::default()).unwrap().waiting();
     for n in 0..3_600_i64 {
         let at = Stamp::from_nanos(n * 16_666_667);
         recorder.event(at, &Event::Ticked(at));
+        (0..4_u32).for_each(|k| recorder.event(at, &inertial(at, k)));
         if takes_off && n == 1_800 {
             let (from, to) = (Phase::Preflight, Phase::TakeOff);
             let change = PhaseChange { at, from, to, reason: "checked".to_owned() };
@@ -18,6 +21,22 @@ fn write_log(folder: &Path, name: &str, takes_off: bool) -> PathBuf {
         }
     }
     assert_eq!(recorder.close().lost_on_disk, 0);
+    path
+}
+
+/// A sample that no compression shrinks much.
+fn inertial(at: Stamp<Mono>, k: u32) -> Event {
+    let [a, b, c] = [1.0, 2.0, 3.0].map(|n: f64| (at.seconds() * 1e3 + n * f64::from(k + 1)).sin());
+    let (accel_mps2, gyro_radps) = ([a, b, 9.8 + c].into(), [c, a * b, b * c].into());
+    Event::Imu(ImuSample { at, accel_mps2, gyro_radps })
+}
+
+/// The file with something done to its bytes.
+fn altered(log: &Path, alter: impl FnOnce(&mut Vec<u8>)) -> PathBuf {
+    let mut bytes = std::fs::read(log).unwrap();
+    alter(&mut bytes);
+    let path = log.with_file_name("altered.mcap");
+    std::fs::write(&path, bytes).unwrap();
     path
 }
 
@@ -35,18 +54,67 @@ fn a_log_is_one_of_a_flight_if_somebody_took_off() {
 }
 
 #[test]
-fn a_log_without_its_proper_end_may_hold_a_flight() {
+fn a_log_that_lost_its_power_on_the_ground_holds_no_flight() {
     let folder = tempfile::tempdir().unwrap();
     let idle = write_log(folder.path(), "flight-1.mcap", false);
-    let bytes = std::fs::read(&idle).unwrap();
-    let mut turned = bytes.clone();
-    turned[bytes.len() / 2] ^= 0x10;
-    let cut = &bytes[..bytes.len() * 7 / 10];
-    for (n, damaged) in [cut, turned.as_slice(), &[]].into_iter().enumerate() {
-        let path = folder.path().join(format!("damaged-{n}.mcap"));
-        std::fs::write(&path, damaged).unwrap();
-        assert!(has_flown(&path).unwrap(), "{n}");
+    let n_bytes = std::fs::read(&idle).unwrap().len();
+    for left in [n_bytes / 10, n_bytes * 7 / 10, n_bytes - 1] {
+        let cut = altered(&idle, |bytes| bytes.truncate(left));
+        assert!(!has_flown(&cut).unwrap(), "{left} of {n_bytes} bytes left");
     }
+    // What is no log at all is left to people.
+    for left in [0, 17] {
+        let headless = altered(&idle, |bytes| bytes.truncate(left));
+        assert!(has_flown(&headless).unwrap(), "{left} bytes left");
+    }
+    let flown = write_log(folder.path(), "flight-2.mcap", true);
+    let cut = altered(&flown, |bytes| bytes.truncate(n_bytes * 7 / 10));
+    assert!(has_flown(&cut).unwrap());
+}
+
+#[test]
+fn no_damage_hides_a_flight() {
+    let folder = tempfile::tempdir().unwrap();
+    let flown = write_log(folder.path(), "flight-1.mcap", true);
+    let n_bytes = std::fs::read(&flown).unwrap().len();
+    // The take-off lies in the middle, and behind it more than a cut leaves unread.
+    assert!(n_bytes as u64 / 2 > LONGEST_CUT_BYTES, "{n_bytes} bytes");
+    for at in (0..n_bytes / 2).step_by(n_bytes / 61) {
+        let damaged = altered(&flown, |bytes| bytes[at] ^= 0x41);
+        assert!(has_flown(&damaged).unwrap(), "byte {at} of {n_bytes}");
+    }
+    // A length that reaches beyond the end looks as if the file had been cut there.
+    let lengths = chunk_lengths_at(&std::fs::read(&flown).unwrap());
+    assert!(lengths.len() > 3);
+    for at in lengths {
+        let damaged = altered(&flown, |bytes| bytes[at + 3] |= 0x08);
+        let is_before = (at as u64) < n_bytes as u64 / 2;
+        assert!(!is_before || has_flown(&damaged).unwrap(), "byte {at} of {n_bytes}");
+    }
+}
+
+/// Where the lengths of the chunks stand: behind the magic come records of a kind (6 is a chunk), a length in
+/// eight bytes, little-endian, and so many bytes more.
+fn chunk_lengths_at(bytes: &[u8]) -> Vec<usize> {
+    let (mut at, mut found) = (8, Vec::new());
+    while let Some(head) = bytes.get(at..at + 9) {
+        if head[0] == 6 {
+            found.push(at + 1);
+        }
+        at += 9 + usize::try_from(u64::from_le_bytes(head[1..].try_into().unwrap())).unwrap();
+    }
+    found
+}
+
+#[test]
+fn a_log_with_gaps_may_hold_a_flight() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("flight-1.mcap");
+    let file = std::fs::File::create_new(&path).unwrap();
+    let mut log = LogWriter::begin(file, &LogHeader::default()).unwrap();
+    log.write_lost(Stamp::ZERO, 7).unwrap();
+    log.finish().unwrap();
+    assert!(has_flown(&path).unwrap());
 }
 
 #[test]

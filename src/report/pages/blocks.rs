@@ -16,8 +16,9 @@ const GUTTER_MM: f64 = 3.0;
 const BAR_LEFT_MM: f64 = 34.0;
 const BAR_MM: f64 = 66.0;
 /// Room of a picture, mm.
-const MAP_MM: (f64, f64) = (134.0, 104.0);
-const WIDE_MM: (f64, f64) = (84.0, 54.0);
+const PICTURE_MM: (f64, f64) = (134.0, 104.0);
+/// So many bars stay together on a page; a hall may have more bays than that.
+const MOST_BARS_TOGETHER: usize = 14;
 
 impl Tone {
     const fn ink(self) -> Ink {
@@ -35,7 +36,7 @@ pub(super) fn of<'a>(part: &'a Part, typefaces: &Typefaces) -> Result<Vec<Block<
         Part::List(texts) => texts.iter().map(|text| of_item(text, typefaces)).collect(),
         Part::Table(table) => of_table(table, typefaces),
         Part::Bars(bars) => of_bars(bars),
-        Part::Pictures(pictures) => of_pictures(pictures),
+        Part::Pictures(pictures) => pictures.iter().map(of_picture).collect(),
         Part::Signatures(labels) => vec![of_signatures(labels)],
         Part::NewPage => Vec::new(),
     })
@@ -213,33 +214,24 @@ fn of_bars(bars: &Bars) -> Vec<Block<'_>> {
     // A single colour needs no legend: the heading says what it is.
     let legend = (bars.parts.len() > 1).then_some(legend);
     let air = Block::new(1.5, |_, _| Ok(()));
-    legend.into_iter().chain(bars.rows.iter().map(row)).chain([air]).collect()
+    let are_together = bars.rows.len() <= MOST_BARS_TOGETHER;
+    let rows = bars.rows.iter().map(row).map(|row| Block { keeps_next: are_together, ..row });
+    legend.into_iter().chain(rows).chain([air]).collect()
 }
 
-/// Pictures below each other; wide ones in pairs side by side.
-fn of_pictures(pictures: &[Picture]) -> Vec<Block<'_>> {
-    let is_pair = |a: &Picture, b: &Picture| a.is_wide && b.is_wide;
-    pictures.chunk_by(is_pair).flat_map(|run| run.chunks(2)).map(of_row_of_pictures).collect()
-}
-
-fn of_row_of_pictures(pictures: &[Picture]) -> Block<'_> {
-    let is_wide = pictures.iter().all(|picture| picture.is_wide);
-    let room_mm = if is_wide { WIDE_MM } else { MAP_MM };
-    Block::new(room_mm.1 + 9.0, move |page, y_mm| {
-        // Maps stand in the middle of the page, halves at its borders.
-        let mut x_mm = if is_wide { LEFT_MM } else { LEFT_MM + 0.5 * (WIDTH_MM - room_mm.0) };
-        for picture in pictures {
-            let (_, height_mm) = page.picture(&picture.svg, [x_mm, y_mm], room_mm)?;
-            let style = Style::regular(SMALL_PT, GREY);
-            let below_mm = [x_mm + 2.0, y_mm + height_mm + 3.6];
-            page.paragraph(&picture.caption, below_mm, style, (room_mm.0, 3.4));
-            x_mm += WIDTH_MM - room_mm.0;
-        }
+/// A picture in the middle of the page: as large as its letters need to be read.
+fn of_picture(picture: &Picture) -> Block<'_> {
+    Block::new(PICTURE_MM.1 + 9.0, move |page, y_mm| {
+        let x_mm = LEFT_MM + 0.5 * (WIDTH_MM - PICTURE_MM.0);
+        let (_, height_mm) = page.picture(&picture.svg, [x_mm, y_mm], PICTURE_MM)?;
+        let style = Style::regular(SMALL_PT, GREY);
+        let below_mm = [x_mm + 2.0, y_mm + height_mm + 3.6];
+        page.paragraph(&picture.caption, below_mm, style, (PICTURE_MM.0, 3.4));
         Ok(())
     })
 }
 
-fn of_signatures<'a>(labels: &'a [&'static str]) -> Block<'a> {
+fn of_signatures(labels: &[String]) -> Block<'_> {
     Block::new(24.0, move |page, y_mm| {
         let mut x_mm = LEFT_MM;
         for label in labels {

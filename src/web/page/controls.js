@@ -8,6 +8,7 @@ const $ = (id) => document.getElementById(id);
 let token = null;
 let newest = null;
 let wasDue = false;
+let wasIdle = true;
 // What the preflight list leads to: a survey from the beginning, or a flight into the gaps of the last one.
 let startVerb = 'start';
 
@@ -78,6 +79,9 @@ function showChecks(state, isOpen) {
   const faults = state.preflight.filter((check) => check.fault).length;
   $('open-preflight').textContent =
     state.phase === 'idle' ? (faults ? `Preflight: ${faults} to mend` : 'Preflight: START …') : 'Preflight list';
+  // Somebody has started it: nothing stands before the buttons of a vehicle that flies.
+  if (wasIdle && state.phase !== 'idle') $('preflight-dialog').close();
+  wasIdle = state.phase === 'idle';
   if (!$('preflight-dialog').open) return;
   showList(state.preflight);
   showStart(state);
@@ -122,6 +126,8 @@ function showReview(state, isOpen) {
   const { review } = state;
   $('open-review').hidden = !review.is_due;
   if (review.is_due && !wasDue && isOpen && !$('review-dialog').open) $('review-dialog').showModal();
+  // Decided elsewhere, or the vehicle flies again: what stands here is of no flight any more.
+  if (!review.is_due && wasDue) $('review-dialog').close();
   wasDue = review.is_due;
   for (const id of ['accept', 'reject']) $(id).disabled = !isOpen;
   const gaps = inReach(state);
@@ -132,6 +138,11 @@ function showReview(state, isOpen) {
   const totals = state.volumes.map((v) => `${v.name}: ${v.stated_m3[0]} ± ${v.stated_m3[1]} m³ (k = 2)`);
   $('review-summary').textContent = totals.join('\n');
   const remarks = review.remarks.length ? review.remarks : ['nothing speaks against accepting it'];
+  $('review-remarks').dataset.level = review.remarks.length ? 'degraded' : 'good';
+  // The green button is what the numbers speak for.
+  const isShort = review.remarks.length > 0;
+  $('accept').className = isShort ? 'quiet' : 'primary';
+  $('fly-gaps').className = isShort ? 'primary' : 'quiet';
   if ($('review-remarks').textContent !== remarks.join('')) {
     $('review-remarks').replaceChildren(...remarks.map((text) =>
       Object.assign(document.createElement('li'), { textContent: text })));

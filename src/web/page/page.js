@@ -37,8 +37,8 @@ const clock = (seconds) => {
   const all = Math.max(0, Math.round(seconds));
   return `${Math.floor(all / 60)}:${String(all % 60).padStart(2, '0')}`;
 };
-const about = (seconds) => (seconds < 90 ? `${Math.max(10, Math.round(seconds / 10) * 10)} s` : `${Math.round(seconds / 60)} min`);
-const percent = (ratio, digits = 0) => `${(100 * ratio).toFixed(digits)} %`;
+const about = (seconds) => (seconds < 90 ? `${Math.max(10, Math.round(seconds / 10) * 10)}\u00a0s` : `${Math.round(seconds / 60)}\u00a0min`);
+const percent = (ratio, digits = 0) => `${(100 * ratio).toFixed(digits)}\u00a0%`;
 const shown = {};
 /** True if `value` differs from the last one under this name: what did not change is not drawn again. */
 const isNew = (name, value) => {
@@ -90,7 +90,7 @@ function volumeCard(volume, target, { isFinal, isFlying, isAll, isAlone }) {
   const bar = element('div', 'shares');
   volume.shares.forEach((share, k) => {
     const part = element('i', `s${k}`);
-    part.style.width = percent(share, 1).replace(' ', '');
+    part.style.width = `${(100 * share).toFixed(1)}%`;
     bar.append(part);
   });
   const words = volume.shares.map((share, k) => (share >= 0.005 ? `${SHARE_NAMES[k]} ${percent(share)}` : ''));
@@ -107,7 +107,7 @@ function aim(volume, target, { isFinal, isFlying, isWhole }) {
     return line;
   }
   const isMet = volume.expanded_percent <= target.percent;
-  const now = element('b', isMet ? 'met' : 'unmet', `${fewDigits(volume.expanded_percent)}\u00a0%${isFinal ? '' : `\u00a0${ARROWS[volume.trend]}`}`);
+  const now = element('b', isMet ? 'met' : 'unmet', `${volume.expanded_percent > 100 ? 'over\u00a0100' : fewDigits(volume.expanded_percent)}\u00a0%${isFinal ? '' : `\u00a0${ARROWS[volume.trend]}`}`);
   line.append('U\u00a0', now, ` ${isFinal ? 'reached' : 'now'}, target\u00a0${target.percent.toFixed(1)}\u00a0%${isMet ? '\u00a0✓' : ''}`);
   // The time is that of the whole way ahead; a bay that has reached its target needs none of it.
   if (isFlying && target.left_s !== null && (isWhole || !isMet)) line.append(`, about\u00a0${about(target.left_s)}\u00a0left`);
