@@ -320,7 +320,7 @@ async fn fly(config: &Config) -> anyhow::Result<ExitCode> {
     tokio::select! {
         signal = wait_for_signal() => {
             signal?;
-            tracing::info!("ending: the autopilot takes over by its own failsafe");
+            tracing::info!("ending: a vehicle in the air lands");
         }
         () = onboard.ended() => tracing::error!("the brain has stopped by itself"),
         () = watchdog::feed(|| onboard.last_tick()) => {}

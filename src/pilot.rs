@@ -29,6 +29,7 @@ pub use gap_offer::OfferedGap;
 pub use job::{Job, JobOutput};
 pub use outlook::Outlook;
 
+use self::flying::Disagreement;
 use crate::geometry::{Hall, Point};
 use crate::localization::{self, Localizer};
 use crate::mapping::{self, Mapper};
@@ -90,8 +91,7 @@ pub struct Pilot {
     battery: Option<BatterySample>,
     /// Where the autopilot believes to be, until the own pose of that instant is known.
     autopilot_pose: Option<AutopilotPose>,
-    /// When the autopilot told its place, and how far that is from the own one, m.
-    disagreement: Option<(Stamp<Mono>, f64)>,
+    disagreement: Option<Disagreement>,
     /// The localisation's count of declared jumps, as it was last looked at.
     reset_counter: u8,
     last_beam_at: Option<Stamp<Mono>>,
@@ -305,7 +305,7 @@ impl Pilot {
         self.n_ticks += 1;
         self.map_waiting_scans();
         self.route.advance(now);
-        self.follow_jump();
+        self.follow_vehicle();
         self.compare_with_autopilot();
         self.watch_samples(actions);
         self.run_mission(actions);

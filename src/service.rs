@@ -99,8 +99,9 @@ impl Service {
         let ServiceSetup { pilot, link, clock, stop, scans, tags, storage, recorder, page } = setup;
         let wall = clock.clone();
         let guard = Guard::open(&link.security, WallClock::new(move || wall.since_1970()))?;
+        let link_stop = CancellationToken::new();
         let start =
-            Transport::start_guarded(&link.address, guard, clock.clone(), stop.child_token());
+            Transport::start_guarded(&link.address, guard, clock.clone(), link_stop.clone());
         let transport = start
             .await
             .map_err(|source| ServiceError::Link { address: link.address.clone(), source })?;
@@ -109,7 +110,7 @@ impl Service {
         let session = Session::new(link);
         let (feed, wishes) = page.map_or_else(without_page, |end| (Some(end.feed), end.wishes));
         let witnesses = brain::Witnesses { recorder, status_tx, feed };
-        let brain = Brain::new(pilot, session, clock, transport, witnesses);
+        let brain = Brain::new(pilot, session, clock, (transport, link_stop), witnesses);
         let last_tick = brain.last_tick();
         let inputs = brain::Inputs { scans, tags, storage, wishes };
         let task = tokio::spawn(brain.run(inputs, stop.clone()));
@@ -157,7 +158,7 @@ impl RunningService {
         self.stop.is_cancelled()
     }
 
-    /// Asks the service to end; the vehicle is left to the autopilot's failsafe.
+    /// Asks the service to end; a vehicle that it steers is told to land first.
     pub fn stop(&self) {
         self.stop.cancel();
     }

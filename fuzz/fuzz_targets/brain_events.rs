@@ -111,6 +111,7 @@ fn event(u: &mut Unstructured<'_>, now: Stamp<Mono>) -> Result<Event> {
             in_failsafe: u.arbitrary()?,
             is_contested: u.arbitrary()?,
             is_ready: u.arbitrary()?,
+            is_mode_prompt: u.arbitrary()?,
             takes_off: *u.choose(&[TakeOff::BySetpoints, TakeOff::ByCommand])?,
         }),
         6 => Event::Battery(BatterySample {

@@ -27,6 +27,7 @@ mod params;
 mod reports;
 mod routing;
 mod setpoint;
+mod status;
 mod streams;
 mod stub;
 mod takeoff;

@@ -3,6 +3,7 @@
 #![expect(clippy::unwrap_used, clippy::panic, reason = "a test may stop at the first surprise")]
 
 use std::collections::BTreeMap;
+use stockpilot::link::params::ParamFile;
 use stockpilot_sim::autopilot::{ParamTable, ParamValue};
 
 const FILE: &str = include_str!("../../firmware-params/px4-indoor-vision.params");
@@ -102,6 +103,21 @@ fn the_pilot_keeps_the_switches() {
     assert_eq!(file["COM_RC_IN_MODE"], ParamValue::Int(0));
     assert_eq!(file["COM_RCL_EXCEPT"], ParamValue::Int(0));
     assert_eq!(readme_rows(3)["COM_RC_IN_MODE"][0], "4");
+    // Bit 2 of FS_OPTIONS flies on in GUIDED without a transmitter; GUID_OPTIONS can ignore its yaw stick.
+    let ardupilot = |name: &str| {
+        let line = ARDUPILOT_FILE.lines().find_map(|line| line.strip_prefix(name));
+        line.and_then(|value| value.trim().parse::<u32>().ok()).unwrap()
+    };
+    assert_eq!((ardupilot("FS_OPTIONS ") & 4, ardupilot("GUID_OPTIONS ")), (0, 0));
+}
+
+/// An action without a threshold does nothing.
+#[test]
+fn the_critical_battery_of_ardupilot_has_a_threshold_or_is_complained_of() {
+    let file = ParamFile::parse(ARDUPILOT_FILE).unwrap();
+    assert!(file.lines.iter().any(|line| line.name == "BATT_FS_CRT_ACT" && line.text == "1"));
+    let is_demanded = |names: &[String]| names == ["BATT_CRT_VOLT", "BATT_CRT_MAH"];
+    assert!(file.demands.iter().any(|demand| is_demanded(&demand.names)));
 }
 
 /// What was set when ArduCopter's simulator flew on ODOMETRY without GPS and without compass.

@@ -6,9 +6,10 @@ use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 use std::process::{Child, ChildStderr, Command, Stdio};
 use stockpilot::config::Config;
-use stockpilot::pilot::Pilot;
+use stockpilot::messages::OperatorVerb;
+use stockpilot::pilot::{Event, Pilot};
 use stockpilot::record::replay::{ReplayReport, replay};
-use stockpilot::record::{LogItem, LogReader};
+use stockpilot::record::{LogItem, LogReader, RecordedEvent};
 use tempfile::TempDir;
 
 const SPEED: f64 = 4.0;
@@ -48,7 +49,8 @@ impl Surveying {
     }
 
     /// Waits for the end of the program; judges its log, which must hold all but `lost_s`.
-    fn replay(mut self, lost_s: f64) -> ReplayReport {
+    /// The replay, and whether a landing was asked for.
+    fn replay(mut self, lost_s: f64) -> (ReplayReport, bool) {
         std::io::copy(&mut self.progress, &mut std::io::sink()).unwrap();
         self.program.wait().unwrap();
         let shown_s = self.shown_s;
@@ -66,7 +68,7 @@ impl Surveying {
         .unwrap();
         assert!(report.identical, "{:?}", report.first_difference);
         assert!(report.results_compared > 500);
-        report
+        (report, is_asked_to_land(&log))
     }
 }
 
@@ -75,19 +77,30 @@ fn a_log_survives_sigkill_but_for_its_last_second_and_replays_identically() {
     let mut flight = Surveying::begin();
     flight.program.kill().unwrap();
     // One second of the wall's clock is `SPEED` seconds of flight; one more for the progress line.
-    let report = flight.replay(SPEED + 1.0);
-    assert!(!report.is_complete);
+    let (report, is_asked_to_land) = flight.replay(SPEED + 1.0);
+    assert!(!report.is_complete && !is_asked_to_land);
 }
 
 #[test]
-fn a_service_that_is_asked_to_end_in_flight_closes_its_log() {
+fn a_service_that_is_asked_to_end_in_flight_lands_first_and_closes_its_log() {
     let flight = Surveying::begin();
     let pid = flight.program.id().to_string();
     let asked = Command::new("kill").args(["-TERM", &pid]).status().unwrap();
     assert!(asked.success());
     // What is shown is rounded to a second.
-    let report = flight.replay(1.0);
-    assert!(report.is_complete);
+    let (report, is_asked_to_land) = flight.replay(1.0);
+    assert!(report.is_complete && is_asked_to_land);
+}
+
+/// True if somebody asked for the landing.
+fn is_asked_to_land(log: &Path) -> bool {
+    let mut events = LogReader::<BufReader<std::fs::File>>::open(log).unwrap();
+    events.any(|item| match item {
+        LogItem::Event { event: RecordedEvent::Plain(Event::Operator(command)), .. } => {
+            command.verb == OperatorVerb::Land
+        }
+        _ => false,
+    })
 }
 
 /// When the last readable event was taken in, s.

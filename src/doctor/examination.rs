@@ -6,6 +6,7 @@ use super::{Check, Report, Verdict, judge, serial_ports};
 use crate::camera::{CameraStats, Listener};
 use crate::config::Config;
 use crate::lidar::{Driver, LidarHealth, LidarStatus, Settings};
+use crate::link::LinkBudget;
 use crate::pilot::Pilot;
 use crate::service::clock::Clock;
 use crate::service::{Service, ServiceSetup, ServiceStatus};
@@ -19,6 +20,8 @@ use tokio_util::sync::CancellationToken;
 const WAITING: usize = 64;
 /// After the sensor streams, rates are counted this long.
 const COUNTING: Duration = Duration::from_millis(2500);
+/// Two looks of the link at the rate of the samples on a serial line, and the time until the first.
+const RATE_SEEN_AFTER: Duration = Duration::from_secs(6);
 /// How often it is looked whether everything is there.
 const LOOKING_EVERY: Duration = Duration::from_millis(100);
 
@@ -124,6 +127,7 @@ impl Examination<'_> {
         let cameras = OwnCameras::start(config, &self.clock, &frames_tx, &stop);
         let (camera_stats, listener_error) = self.listen(config, frames_tx, &stop).await;
         let address = link.address.to_string();
+        let budget = LinkBudget::of(&link);
         let link_settings = link.clone();
         let setup = ServiceSetup {
             pilot: Pilot::new(pilot),
@@ -140,7 +144,11 @@ impl Examination<'_> {
         let lidar_status = driver.as_ref().ok().map(Driver::status);
         let service_status = service.as_ref().ok().map(crate::service::RunningService::status);
         let (began, listened) = self
-            .wait(lidar_status.as_ref(), (&camera_stats, &cameras), service_status.as_ref())
+            .wait(
+                lidar_status.as_ref(),
+                (&camera_stats, &cameras),
+                (service_status.as_ref(), budget.is_some()),
+            )
             .await;
         tracing::debug!(seconds = listened.as_secs_f64(), began = began.seconds(), "listened");
         match &driver {
@@ -156,13 +164,8 @@ impl Examination<'_> {
             checks.extend(cameras.end(listened));
         }
         match (&service, &service_status) {
-            (Ok(_), Some(status)) => checks.extend(judge::autopilot(&status.borrow(), &address)),
-            (Err(error), _) => checks.push(Check::with_cure(
-                "autopilot",
-                Verdict::Bad,
-                format!("{error}: {address}"),
-                "see that nothing else uses this address: `ss -lunp`, `fuser -v DEVICE`",
-            )),
+            (Ok(_), Some(status)) => checks.extend(link_lines(&status.borrow(), &address, budget)),
+            (Err(error), _) => checks.push(no_link(&error.to_string(), &address)),
             (Ok(_), None) => {}
         }
         stop.cancel();
@@ -213,7 +216,7 @@ impl Examination<'_> {
         &self,
         lidar: Option<&watch::Receiver<LidarStatus>>,
         (detector, cameras): (&watch::Receiver<CameraStats>, &OwnCameras),
-        service: Option<&watch::Receiver<ServiceStatus>>,
+        (service, is_serial): (Option<&watch::Receiver<ServiceStatus>>, bool),
     ) -> (Stamp<Mono>, Duration) {
         let began = self.clock.now();
         let limit = began.plus(self.patience.0);
@@ -228,14 +231,32 @@ impl Examination<'_> {
             let sees = is_sent && cameras.have_delivered();
             let hears = service.is_none_or(|service| {
                 let status = service.borrow();
-                status.vehicle.is_some() && status.is_clock_known
+                // An old PX4 never tells its mode at once; then the patience ends this.
+                status.vehicle.is_some_and(|v| v.is_mode_prompt) && status.is_clock_known
             });
-            if now >= limit || (is_counted && sees && hears) {
+            let has_rate = !is_serial || now.since(began) >= RATE_SEEN_AFTER;
+            if now >= limit || (is_counted && sees && hears && has_rate) {
                 return (began, now.since(began));
             }
             self.clock.sleep_until(now.plus(LOOKING_EVERY)).await;
         }
     }
+}
+
+fn no_link(error: &str, address: &str) -> Check {
+    Check::with_cure(
+        "autopilot",
+        Verdict::Bad,
+        format!("{error}: {address}"),
+        "see that nothing else uses this address: `ss -lunp`, `fuser -v DEVICE`",
+    )
+}
+
+/// The autopilot, and the serial line to it if there is one.
+fn link_lines(status: &ServiceStatus, address: &str, budget: Option<LinkBudget>) -> Vec<Check> {
+    let mut checks = judge::autopilot(status, address);
+    checks.extend(budget.map(|budget| judge::serial_line(&budget, status)));
+    checks
 }
 
 fn settings(path: &Path) -> Settings {

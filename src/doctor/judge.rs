@@ -4,6 +4,8 @@ use super::{Check, Verdict};
 use crate::camera::CameraStats;
 use crate::camera::images::ImageStats;
 use crate::lidar::{LidarHealth, LidarStatus, Model};
+use crate::link::LinkBudget;
+use crate::messages::TakeOff;
 use crate::service::ServiceStatus;
 use std::time::Duration;
 
@@ -241,7 +243,44 @@ pub fn autopilot(status: &ServiceStatus, address: &str) -> Vec<Check> {
             "set the link's MAVLink mode to Onboard (PX4: MAV_x_MODE 2), version 2",
         )
     };
-    vec![Check::good("autopilot", found), clock]
+    let mode = if vehicle.is_mode_prompt {
+        Check::good("mode switch", "seen at once")
+    } else {
+        Check::with_cure(
+            "mode switch",
+            Verdict::Warn,
+            "seen up to 1 s late: only the heartbeat tells the mode, once a second",
+            "PX4 v1.15 or later sends CURRENT_MODE; before it, setpoints go on for a second after the \
+             pilot's switch",
+        )
+    };
+    vec![Check::good("autopilot", found), mode, clock]
+}
+
+/// The serial line to the autopilot: whether it carries what is asked, by what came.
+#[must_use]
+pub fn serial_line(budget: &LinkBudget, status: &ServiceStatus) -> Check {
+    let found = format!(
+        "{:.0} bytes/s asked, the line carries {:.0}, PX4 sends {:.0} unless MAV_x_RATE says more",
+        budget.inbound_bytes_per_s,
+        budget.capacity_bytes_per_s,
+        budget.px4_bytes_per_s(),
+    );
+    let cure = format!(
+        "921600 baud; or, with PX4, MAV_x_RATE {:.0} for the port of this line (MAV_1_RATE where \
+         MAV_1_CONFIG is 102)",
+        0.9 * budget.capacity_bytes_per_s,
+    );
+    if status.stats.link.thin_imu_windows > 0 {
+        let found = format!("too few inertial samples come: {found}");
+        return Check::with_cure("serial line", Verdict::Bad, found, cure);
+    }
+    // ArduPilot, which lifts by command, fills the line.
+    let is_px4 = status.vehicle.is_none_or(|v| v.takes_off == TakeOff::BySetpoints);
+    if is_px4 && !budget.fits_px4_default() {
+        return Check::with_cure("serial line", Verdict::Warn, found, cure);
+    }
+    Check::good("serial line", found)
 }
 
 /// This computer's clock of the day, which names logs and dates results; `now_s` since 1970.
@@ -316,6 +355,23 @@ mod tests {
             assert_eq!(checks.len(), 1);
             assert!(checks[0].verdict == Bad && checks[0].cure.is_some());
         }
+    }
+
+    #[test]
+    fn a_serial_line_is_judged_by_px4s_half_of_it_and_by_what_came() {
+        let line = |baud: u32, thin_imu_windows| {
+            let address = format!("serial:/dev/ttyAMA0:{baud}").parse().unwrap();
+            let budget = LinkBudget::of(&crate::link::Settings::new(address)).unwrap();
+            let mut status = ServiceStatus::default();
+            status.stats.link.thin_imu_windows = thin_imu_windows;
+            let check = serial_line(&budget, &status);
+            (check.verdict, check.cure.unwrap_or_default())
+        };
+        assert_eq!(line(921_600, 0).0, Verdict::Good);
+        let (verdict, cure) = line(230_400, 0);
+        // 90 % of 23040 bytes/s.
+        assert!(verdict == Verdict::Warn && cure.contains("MAV_x_RATE 20736"), "{cure}");
+        assert_eq!(line(921_600, 3).0, Verdict::Bad, "whatever should fit");
     }
 
     #[test]

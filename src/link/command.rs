@@ -116,6 +116,11 @@ impl Commands {
         });
     }
 
+    /// True while an answer is waited for.
+    pub(crate) const fn are_under_way(&self) -> bool {
+        !self.under_way.is_empty()
+    }
+
     /// The autopilot is gone: nothing will be answered any more.
     pub(crate) fn abandon(&mut self, now: Stamp<Mono>, out: &mut SessionOutput) {
         let events = self.under_way.drain(..).map(|attempt| outcome(attempt.asked, false, now));

@@ -7,6 +7,7 @@
 //! | a mode is acknowledged | twice, the second one counts | once |
 //! | frame of ODOMETRY | `LOCAL_NED` | `LOCAL_FRD`, all others are dropped without a word |
 //! | its pose covariance | one variance per axis | collapsed to one σ of place and one of attitude |
+//! | a change of mode | `CURRENT_MODE` at once; HEARTBEAT stays at 1 Hz | HEARTBEAT at once, and at any rate |
 //! | origin of the map | not needed; an altitude other than 0 makes it climb away | needed to arm |
 
 mod ardupilot;
@@ -27,6 +28,16 @@ pub(crate) struct WireCommand {
     pub(crate) params: [f32; 7],
     /// How long to wait for a second answer after a good first one; the second one counts.
     pub(crate) second_answer_within: Option<Duration>,
+}
+
+/// How a change of mode is asked for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct ModeStream {
+    pub(crate) message_id: u32,
+    /// What is asked for, Hz.
+    pub(crate) rate_hz: f64,
+    /// As many come at least while nothing changes, Hz.
+    pub(crate) least_hz: f64,
 }
 
 /// How one family of autopilots speaks.
@@ -66,6 +77,7 @@ impl Dialect {
             in_failsafe: is_in_failsafe(heartbeat),
             is_ready: self.is_ready(heartbeat),
             is_contested: false,
+            is_mode_prompt: self.heartbeat_tells_mode(),
             takes_off: self.takes_off(),
         }
     }
@@ -75,6 +87,46 @@ impl Dialect {
         match self {
             Self::Px4 => px4::flight_mode(heartbeat),
             Self::ArduPilot => ardupilot::flight_mode(heartbeat),
+        }
+    }
+
+    /// The same by the number that `CURRENT_MODE` carries.
+    pub(crate) const fn mode_numbered(self, custom_mode: u32) -> FlightMode {
+        match self {
+            Self::Px4 => px4::mode_numbered(custom_mode),
+            Self::ArduPilot => ardupilot::mode_numbered(custom_mode),
+        }
+    }
+
+    /// The stream that tells a change of mode soon.
+    pub(crate) const fn mode_stream(self) -> ModeStream {
+        match self {
+            Self::Px4 => px4::MODE_STREAM,
+            Self::ArduPilot => ardupilot::MODE_STREAM,
+        }
+    }
+
+    /// A heartbeat leaves at once when the mode changes.
+    pub(crate) const fn heartbeat_tells_mode(self) -> bool {
+        matches!(self, Self::ArduPilot)
+    }
+
+    /// What to do where a serial line brings too few samples; for people.
+    pub(crate) const fn thin_line_advice(self) -> &'static str {
+        match self {
+            Self::Px4 => {
+                "too few inertial samples: raise baud or MAV_x_RATE of PX4's port (default: half the line)"
+            }
+            Self::ArduPilot => "too few inertial samples: raise the baud of the autopilot's port",
+        }
+    }
+
+    /// Messages that come without being asked for and that nobody here reads.
+    pub(crate) const fn unwanted_streams(self) -> &'static [u32] {
+        match self {
+            Self::Px4 => &px4::UNWANTED,
+            // It sends nothing of the kind.
+            Self::ArduPilot => &[],
         }
     }
 

@@ -67,12 +67,17 @@ pub(crate) fn local_position(
     ))
 }
 
-/// The attitude; `None` if the quaternion is not finite or not of unit length.
-pub(crate) fn attitude(data: &ATTITUDE_QUATERNION_DATA) -> Option<Rotation<Hall, Body>> {
+/// The attitude and its angular velocity in Body axes, rad/s; `None` if the quaternion is not finite
+/// or not of unit length, or if the vehicle would spin.
+pub(crate) fn attitude(
+    data: &ATTITUDE_QUATERNION_DATA,
+) -> Option<(Rotation<Hall, Body>, Vector3<f64>)> {
+    let rate_frd = bounded(data.rollspeed, data.pitchspeed, data.yawspeed, MAX_GYRO_RADPS)?;
     let wxyz = [data.q1, data.q2, data.q3, data.q4].map(f64::from);
     let length = wxyz.iter().map(|c| c * c).sum::<f64>().sqrt();
     // Single precision leaves 1e-7; a sender that forgot to normalise is off by far more.
-    ((length - 1.0).abs() < 1e-2).then(|| hall_from_body_rot(wxyz))?
+    let rotation = ((length - 1.0).abs() < 1e-2).then(|| hall_from_body_rot(wxyz))??;
+    Some((rotation, half_turned(&rate_frd)))
 }
 
 /// The first battery; `None` if it says nothing or nothing credible.

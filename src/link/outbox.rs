@@ -5,10 +5,11 @@
 //! long ago. So what keeps it safe leaves first, of what is sent again and again only the newest
 //! waits, and nothing else gets more than its turn:
 //!
-//! 1. commands, answers and clock questions, in order;
+//! 1. commands, answers and clock questions, in order; four at once at most while 2 or 3 wait, for who
+//!    asks much is answered much;
 //! 2. the heartbeat, the newest;
 //! 3. the setpoint, the newest;
-//! 4. ODOMETRY, the newest, in turns with texts, values and parameters, in order.
+//! 4. ODOMETRY, the newest, in turns with texts, in order, then values and parameters, in order.
 
 use crate::time::{Mono, Stamp};
 use mavlink::MavHeader;
@@ -18,7 +19,11 @@ use std::time::Duration;
 
 /// Orders that wait at most; each is repeated by its sender until it is answered.
 const MOST_ORDERS: usize = 64;
-/// Texts, values and parameters that wait at most: two full lists of the own parameters.
+/// Orders that leave one after the other while a heartbeat or a setpoint waits.
+const MOST_IN_A_ROW: u8 = 4;
+/// Texts that wait at most.
+const MOST_TEXTS: usize = 64;
+/// Values and parameters that wait at most: two full lists of the own parameters.
 const MOST_OTHERS: usize = 256;
 /// A transmitter is kept filled for so long and no longer: what is in it cannot be overtaken.
 const FILLED_FOR: Duration = Duration::from_millis(20);
@@ -36,9 +41,11 @@ pub struct Outgoing {
 #[derive(Debug, Default)]
 pub struct Outbox {
     orders: VecDeque<Outgoing>,
+    n_in_a_row: u8,
     heartbeat: Option<Outgoing>,
     setpoint: Option<Outgoing>,
     odometry: Option<Outgoing>,
+    texts: VecDeque<Outgoing>,
     others: VecDeque<Outgoing>,
     is_turn_of_others: bool,
 }
@@ -65,34 +72,48 @@ impl Outbox {
             | MavMessage::COMMAND_INT(_)
             | MavMessage::COMMAND_ACK(_)
             | MavMessage::TIMESYNC(_) => in_order(&mut self.orders, MOST_ORDERS, outgoing),
+            MavMessage::STATUSTEXT(_) => in_order(&mut self.texts, MOST_TEXTS, outgoing),
             _ => in_order(&mut self.others, MOST_OTHERS, outgoing),
         }
     }
 
     /// Takes the most urgent one out.
     pub fn take(&mut self) -> Option<Outgoing> {
-        let urgent = self
-            .orders
-            .pop_front()
-            .or_else(|| self.heartbeat.take())
-            .or_else(|| self.setpoint.take());
+        if self.n_in_a_row < MOST_IN_A_ROW
+            && let Some(order) = self.orders.pop_front()
+        {
+            self.n_in_a_row += 1;
+            return Some(order);
+        }
+        self.n_in_a_row = 0;
+        let urgent = self.heartbeat.take().or_else(|| self.setpoint.take());
         if urgent.is_some() {
             return urgent;
         }
+        if let Some(order) = self.orders.pop_front() {
+            return Some(order);
+        }
         let is_others_first = std::mem::replace(&mut self.is_turn_of_others, false);
-        if is_others_first && let Some(other) = self.others.pop_front() {
+        if is_others_first && let Some(other) = self.other() {
             return Some(other);
         }
         let odometry = self.odometry.take();
         self.is_turn_of_others = odometry.is_some();
-        odometry.or_else(|| self.others.pop_front())
+        odometry.or_else(|| self.other())
+    }
+
+    /// What nothing waits for; texts first, for a person reads them.
+    fn other(&mut self) -> Option<Outgoing> {
+        self.texts.pop_front().or_else(|| self.others.pop_front())
     }
 
     /// Messages that wait.
     #[must_use]
     pub fn len(&self) -> usize {
         let newest = [&self.heartbeat, &self.setpoint, &self.odometry];
-        self.orders.len() + self.others.len() + newest.iter().filter(|one| one.is_some()).count()
+        let in_order = [&self.orders, &self.texts, &self.others];
+        in_order.iter().map(|queue| queue.len()).sum::<usize>()
+            + newest.iter().filter(|one| one.is_some()).count()
     }
 
     /// True if nothing waits.
@@ -216,6 +237,35 @@ mod tests {
             value(2),
         ];
         assert_eq!(left, expected);
+    }
+
+    /// Somebody asks for the clock a thousand times a second.
+    #[test]
+    fn a_flood_of_answers_leaves_the_setpoint_its_turn() {
+        let mut outbox = Outbox::default();
+        let mut n_setpoints = 0;
+        for n in 0..100 {
+            (0..8).for_each(|k| {
+                outbox.put(command(k));
+            });
+            outbox.put(setpoint(n));
+            let left: Vec<_> = (0..5).filter_map(|_| outbox.take()).collect();
+            let is_setpoint =
+                |o: &&Outgoing| matches!(o.message, MavMessage::SET_POSITION_TARGET_LOCAL_NED(_));
+            n_setpoints += left.iter().filter(is_setpoint).count();
+        }
+        assert_eq!(n_setpoints, 100);
+    }
+
+    #[test]
+    fn texts_overtake_parameters() {
+        let mut outbox = Outbox::default();
+        (0..200).for_each(|n| {
+            outbox.put(value(n));
+        });
+        let text = out(MavMessage::STATUSTEXT(m::STATUSTEXT_DATA::default()));
+        outbox.put(text.clone());
+        assert_eq!(outbox.take(), Some(text));
     }
 
     #[test]

@@ -12,9 +12,9 @@ mod live;
 mod server;
 mod value;
 
-pub use comparison::{Comparison, Problem, compare};
+pub use comparison::{Comparison, Problem, compare, compare_demand};
 pub use exchange::{Exchange, Outcome};
-pub use file::{FileError, Line, ParamFile};
+pub use file::{Demand, FileError, Line, ParamFile};
 pub use live::{LiveAutopilot, LiveError};
 pub(crate) use server::ParamServer;
 pub use server::Published;

@@ -16,13 +16,14 @@ use super::streams::Streams;
 use super::telemetry::Telemetry;
 use super::{LinkStats, OWN_COMPONENT, Settings};
 use crate::geometry::{Body, Hall, Rotation};
-use crate::messages::VehicleState;
+use crate::messages::{Severity, VehicleState};
 use crate::pilot::Event;
 use crate::time::{Mono, Stamp};
 use mavlink::MavHeader;
 use mavlink::dialects::ardupilotmega::{
     HEARTBEAT_DATA, MavAutopilot, MavMessage, MavModeFlag, MavState, MavType, TIMESYNC_DATA,
 };
+use nalgebra::Vector3;
 use origin::Origin;
 use std::time::Duration;
 
@@ -31,6 +32,9 @@ const TIMESYNC_EVERY: Duration = Duration::from_millis(100);
 const AUTOPILOT_SILENT_FOR: Duration = Duration::from_secs(3);
 /// A second autopilot counts as gone after so long without a heartbeat.
 const RIVAL_REMEMBERED_FOR: Duration = Duration::from_secs(10);
+/// Words on the mode that follow each other faster come as changes do; PX4's default is one in two
+/// seconds, and what is asked for brings two in one.
+const MODE_NEWS_EVERY: Duration = Duration::from_millis(1_200);
 /// The default system id of both families, used only where this side has to speak before it has heard.
 const FIRST_GUESS_SYSTEM: u8 = 1;
 
@@ -84,9 +88,20 @@ struct Autopilot {
     heard_at: Stamp<Mono>,
     is_lost: bool,
     state: VehicleState,
-    attitude: Option<(Stamp<Mono>, Rotation<Hall, Body>)>,
+    attitude: Option<HeardAttitude>,
     last_imu_at: Option<Stamp<Mono>>,
     has_battery_status: bool,
+    /// When `CURRENT_MODE` last came.
+    mode_heard_at: Option<Stamp<Mono>>,
+}
+
+/// The autopilot's attitude at an instant, and how it turns.
+#[derive(Debug, Clone, Copy)]
+struct HeardAttitude {
+    at: Stamp<Mono>,
+    rotation: Rotation<Hall, Body>,
+    /// In Body axes.
+    rate_radps: Vector3<f64>,
 }
 
 impl Session {
@@ -145,7 +160,15 @@ impl Session {
             let (system, dialect) = (*system, *dialect);
             origin.on_time(dialect, system, now, &mut out.messages);
             self.timesync(system, now, out);
+            let thin_before = self.stats.thin_imu_windows;
             self.streams.on_time(system, dialect, now, &mut self.stats, &mut out.messages);
+            if thin_before == 0 && self.stats.thin_imu_windows > 0 {
+                self.telemetry.say(
+                    Severity::Warning,
+                    dialect.thin_line_advice(),
+                    &mut out.messages,
+                );
+            }
             self.commands.on_time(system, now, &mut self.stats, out);
             self.params.on_time(&mut out.messages);
             self.telemetry.on_time(now, &mut out.messages);
@@ -210,6 +233,7 @@ impl Autopilot {
             attitude: None,
             last_imu_at: None,
             has_battery_status: false,
+            mode_heard_at: None,
         }
     }
 }

@@ -31,6 +31,9 @@ pub struct LinkStats {
     pub autopilot_losses: u64,
     /// Origins of the map at a dangerous altitude that were set to 0.
     pub origins_levelled: u64,
+    /// Looks at the streams, every 2 s, that found the second time in a row less than three quarters
+    /// of the inertial samples that were asked for, on a serial line.
+    pub thin_imu_windows: u64,
     /// Requests for a stream of messages.
     pub stream_requests: u64,
     /// Repetitions of unanswered commands.

@@ -18,7 +18,8 @@
 //!
 //! The errors of the pose at two turns j > k share `A_j … A_{k+1} P_k`; the sum over all pairs,
 //! taken backwards, needs one vector `r`.
-//! Checked: `every_source_matches_brute_force`, `chained_pose_errors_match_the_joint_covariance`.
+//! Checked: `constant_sources_match_the_map_solved_again`, `white_sources_match_the_scatter_of_noisy_flights`,
+//! `chained_pose_errors_match_the_joint_covariance`.
 
 use super::datum::{Datum, Linearization, Turn};
 use super::footprint::Footprint;

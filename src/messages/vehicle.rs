@@ -68,6 +68,8 @@ pub struct VehicleState {
     pub is_ready: bool,
     /// Another autopilot was heard on the link within the last ten seconds.
     pub is_contested: bool,
+    /// A change of mode is told at once. Otherwise the heartbeat tells it, up to a second late.
+    pub is_mode_prompt: bool,
     /// How it comes off the ground.
     pub takes_off: TakeOff,
 }

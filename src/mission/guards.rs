@@ -34,12 +34,25 @@ pub struct Settings {
     pub land_beside_pad_after: Duration,
     /// The autopilot's place may differ this much from the own one, m.
     pub max_disagreement_m: f64,
-    /// A larger difference must last this long before it counts.
+    /// No take-off with the autopilot's heading further than this from the own one, rad.
+    pub max_heading_disagreement_rad: f64,
+    /// In flight its heading may differ this much, rad: turned by more, what it does against an
+    /// error soon makes it larger.
+    pub land_heading_disagreement_rad: f64,
+    /// A larger difference of either kind must last this long before it counts.
     pub disagrees_for: Duration,
     /// Nearer than planned to something by more than this, m, it holds.
     pub max_intrusion_m: f64,
     /// Still too near after this long in a hold, it lands.
     pub land_after_intrusion: Duration,
+    /// Further than this from where its trajectory has it, m, the vehicle does not follow.
+    pub max_off_track_m: f64,
+    /// It must not follow for this long before it holds.
+    pub off_track_for: Duration,
+    /// After so many holds of one flight it lands instead.
+    pub most_off_track_holds: u32,
+    /// An empty battery must be told for this long: PX4 speaks of it every two seconds.
+    pub battery_empty_for: Duration,
     /// The way home is begun while the battery holds this many times what it takes, beside what
     /// must be left for a landing.
     pub way_home_factor: f64,
@@ -63,9 +76,15 @@ impl Default for Settings {
             return_after_lidar_lost: Duration::from_secs(10),
             land_beside_pad_after: Duration::from_secs(10),
             max_disagreement_m: 0.5,
+            max_heading_disagreement_rad: 10_f64.to_radians(),
+            land_heading_disagreement_rad: 15_f64.to_radians(),
             disagrees_for: Duration::from_millis(500),
             max_intrusion_m: 0.15,
             land_after_intrusion: Duration::from_secs(3),
+            max_off_track_m: 1.0,
+            off_track_for: Duration::from_millis(300),
+            most_off_track_holds: 2,
+            battery_empty_for: Duration::from_millis(2_500),
             way_home_factor: 1.5,
             max_heading_error_rad: 0.4,
         }
@@ -116,6 +135,18 @@ pub enum PreflightFault {
         /// Its place against the own one, m.
         metres: f64,
     },
+    /// It fuses the place of the ODOMETRY and takes its heading from elsewhere, and would fly away.
+    #[error(
+        "the autopilot's heading is {degrees:.0}° off: let it fuse the ODOMETRY's yaw (PX4 \
+         EKF2_EV_CTRL 15, ArduPilot EK3_SRC1_YAW 6)"
+    )]
+    HeadingDisagreement {
+        /// Its heading against the own one, deg.
+        degrees: f64,
+    },
+    /// Its heading cannot be compared.
+    #[error("the autopilot does not tell its heading: does it send ATTITUDE_QUATERNION?")]
+    HeadingUnknown,
     /// It would turn right after take-off.
     #[error("the heading is {degrees:.0}° off the survey's: turn the vehicle on its pad")]
     Heading {
@@ -225,13 +256,52 @@ pub(super) fn preflight_checks(inputs: &Inputs, settings: &Settings) -> Vec<Pref
             Fault::Disagreement { metres },
             off(inputs.disagreement_m.map(|m| 100.0 * m), " cm"),
         ),
+        heading_check(inputs, settings),
         line("heading", is_turned, heading, off(heading_deg.map(f64::abs), "°")),
         line("LiDAR", !has_lidar, Fault::NoLidar, word(!has_lidar, "silent", "measuring")),
         line("waypoints", !inputs.has_plan, Fault::NoPlan, word(!inputs.has_plan, "none", "found")),
         battery_check(inputs, settings),
+        check("mode switch", mode_news(vehicle.is_mode_prompt).to_owned(), None),
     ];
     checks.extend(storage_check(inputs));
     checks
+}
+
+const fn mode_news(is_prompt: bool) -> &'static str {
+    if is_prompt { "seen at once" } else { "seen up to 1 s late" }
+}
+
+fn heading_check(inputs: &Inputs, settings: &Settings) -> PreflightCheck {
+    let told = inputs.heading_disagreement_rad.map(|rad| rad.to_degrees().abs());
+    PreflightCheck {
+        subject: "autopilot's heading",
+        found: told.map_or_else(|| "unknown".to_owned(), |degrees| format!("{degrees:.0}° off")),
+        fault: heading_fault(inputs, settings),
+    }
+}
+
+/// A place without a heading beside it was not compared as it must be.
+fn heading_fault(inputs: &Inputs, settings: &Settings) -> Option<PreflightFault> {
+    match inputs.heading_disagreement_rad {
+        Some(turned_rad) if turned_rad.abs() > settings.max_heading_disagreement_rad => {
+            Some(PreflightFault::HeadingDisagreement { degrees: turned_rad.to_degrees().abs() })
+        }
+        None if inputs.disagreement_m.is_some() => Some(PreflightFault::HeadingUnknown),
+        _ => None,
+    }
+}
+
+/// What is wrong with the autopilot's pose in flight, if something is.
+pub(super) fn disagreement_text(inputs: &Inputs, settings: &Settings) -> Option<String> {
+    let off_m = inputs.disagreement_m.filter(|off_m| *off_m > settings.max_disagreement_m);
+    let turned_rad = inputs
+        .heading_disagreement_rad
+        .filter(|turned_rad| turned_rad.abs() > settings.land_heading_disagreement_rad);
+    let place = off_m.map(|off_m| format!("autopilot's position is {off_m:.1} m off: landing"));
+    place.or_else(|| {
+        let degrees = turned_rad?.to_degrees().abs();
+        Some(format!("autopilot's heading is {degrees:.0} deg off: landing"))
+    })
 }
 
 /// Whether the flight can be recorded; nothing where nobody looks at the disk.
@@ -270,11 +340,15 @@ pub(super) fn preflight_line(inputs: &Inputs) -> String {
     let battery = or_unknown(inputs.battery_ratio.map(|r| format!("{:.0} %", r * 100.0)));
     let sigma = or_unknown(inputs.position_sigma_m.map(|s| format!("{:.0} cm", s * 100.0)));
     let off = or_unknown(inputs.disagreement_m.map(|d| format!("{:.0} cm", d * 100.0)));
-    let heading =
-        or_unknown(inputs.heading_error_rad.map(|h| format!("{:.0} deg", h.to_degrees())));
+    let degrees =
+        |rad: Option<f64>| or_unknown(rad.map(|rad| format!("{:.0} deg", rad.to_degrees().abs())));
+    let turned = degrees(inputs.heading_disagreement_rad);
+    let heading = degrees(inputs.heading_error_rad);
+    let is_late = inputs.vehicle.is_some_and(|vehicle| !vehicle.is_mode_prompt);
+    let mode = if is_late { ", mode switch seen up to 1 s late" } else { "" };
     let lidar = if inputs.has_lidar { "on" } else { "silent" };
     format!(
-        "preflight: battery {battery}, position sigma {sigma}, autopilot off by {off}, \
-         heading off by {heading}, LiDAR {lidar}"
+        "preflight: battery {battery}, position sigma {sigma}, autopilot off by {off} \
+         and {turned}, heading off by {heading}, LiDAR {lidar}{mode}"
     )
 }

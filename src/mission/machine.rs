@@ -1,7 +1,9 @@
 //! The transition machine.
 
 use super::Phase;
-use super::guards::{PreflightCheck, Settings, preflight_checks, preflight_faults, preflight_line};
+use super::guards::{
+    PreflightCheck, Settings, disagreement_text, preflight_checks, preflight_faults, preflight_line,
+};
 use crate::messages::{
     FlightMode, LandedState, OperatorVerb, Severity, StorageState, TAKE_OFF_HEIGHT_M, TakeOff,
     VehicleCommand, VehicleState,
@@ -42,9 +44,13 @@ pub struct Inputs {
     /// Distance between where the autopilot and where the companion believes to be, m; `None`
     /// while one of them does not know.
     pub disagreement_m: Option<f64>,
+    /// The autopilot's heading minus the own one, rad; `None` while one of them does not know.
+    pub heading_disagreement_rad: Option<f64>,
     /// By how much the vehicle is nearer to walls, ceiling, obstacles, fence or material than its
     /// trajectory, beyond what is demanded there, m; 0 while it is not.
     pub intrusion_m: f64,
+    /// How far the vehicle is from where its trajectory has it now, m; 0 while either is unknown.
+    pub off_track_m: f64,
     /// Charge that the way home and the landing there will take, 0 to 1; `None` while unknown.
     pub way_home_ratio: Option<f64>,
     /// Height of the body over where the flight began, m; `None` without a pose.
@@ -89,6 +95,7 @@ enum HoldCause {
     FixLost,
     LidarLost,
     TooNear,
+    OffTrack,
 }
 
 /// The state of the mission.
@@ -107,8 +114,16 @@ pub struct Mission {
     lost_since: Option<Stamp<Mono>>,
     /// Since when the way home is flown without being there.
     stuck_since: Option<Stamp<Mono>>,
-    /// Since when the autopilot believes to be elsewhere.
+    /// Since when the autopilot believes to be elsewhere, or turned.
     disagrees_since: Option<Stamp<Mono>>,
+    /// Since when the vehicle is not where its trajectory has it.
+    off_track_since: Option<Stamp<Mono>>,
+    /// Holds of this flight because of that.
+    n_off_track: u32,
+    /// Since when every word on the battery says that it is empty.
+    empty_since: Option<Stamp<Mono>>,
+    /// The autopilot has begun to land.
+    has_begun_landing: bool,
     /// In this preflight the autopilot has followed the companion.
     was_companion: bool,
     /// In this preflight the companion has asked to arm.
@@ -140,6 +155,10 @@ impl Mission {
             lost_since: None,
             stuck_since: None,
             disagrees_since: None,
+            off_track_since: None,
+            n_off_track: 0,
+            empty_since: None,
+            has_begun_landing: false,
             was_companion: false,
             has_asked_to_arm: false,
             is_complete: false,
@@ -222,7 +241,12 @@ impl Mission {
         if wanted == Preflight {
             self.is_into_gaps = verb == OperatorVerb::FlyGaps;
         }
+        let may_arm_yet = self.phase == Preflight && self.has_asked_to_arm;
         self.enter(wanted, "operator", inputs.now, effects);
+        if may_arm_yet {
+            // Nothing is in the air: motors that start after all are to stop at once.
+            effects.push(Effect::Command(VehicleCommand::Disarm));
+        }
         true
     }
 
@@ -240,11 +264,14 @@ impl Mission {
 
     /// Looks at the facts and goes on if they ask for it.
     pub fn step(&mut self, inputs: &Inputs, effects: &mut Vec<Effect>) {
-        self.lost_since =
-            if inputs.has_position { None } else { self.lost_since.or(Some(inputs.now)) };
+        self.lost_since = since(self.lost_since, !inputs.has_position, inputs.now);
         if let Some(vehicle) = inputs.vehicle {
             self.takes_off = vehicle.takes_off;
+            self.has_begun_landing |= self.phase == Phase::Land && vehicle.mode == FlightMode::Land;
         }
+        let is_empty =
+            inputs.battery_ratio.is_some_and(|ratio| ratio < self.settings.land_battery_ratio);
+        self.empty_since = since(self.empty_since, is_empty, inputs.now);
         if self.yields_to_others(inputs, effects) {
             return;
         }
@@ -272,14 +299,17 @@ impl Mission {
             self.enter(Phase::Abort, "disarmed by somebody else", inputs.now, effects);
             return true;
         }
-        let is_ours = match vehicle.mode {
-            FlightMode::Companion => true,
-            FlightMode::Land => self.phase == Phase::Land,
+        let is_ours = match (vehicle.mode, self.phase) {
+            // Whoever takes a vehicle out of a landing that has begun wants it elsewhere.
+            (FlightMode::Companion, Phase::Land) => !self.has_begun_landing,
+            (FlightMode::Land, Phase::Land) | (FlightMode::Companion, _) => true,
             _ => false,
         };
-        let is_landing_under_pilot =
-            self.phase == Phase::Land && vehicle.is_armed && vehicle.mode == FlightMode::Pilot;
-        if (is_flown_by_us && !is_ours) || is_landing_under_pilot {
+        // On the ground PX4 leaves its landing by itself.
+        let is_landing = self.phase == Phase::Land
+            && vehicle.is_armed
+            && vehicle.landed != LandedState::OnGround;
+        if (is_flown_by_us || is_landing) && !is_ours {
             let reason = format!("mode changed to {:?}", vehicle.mode);
             self.enter(Phase::Abort, &reason, inputs.now, effects);
             return true;
@@ -371,6 +401,7 @@ impl Mission {
         if self.holds_without_position(inputs, effects)
             || self.lands_on_battery(inputs, effects)
             || self.holds_too_near(inputs, effects)
+            || self.holds_off_track(inputs, effects)
             || self.returns_on_battery(inputs, effects)
         {
             return;
@@ -390,6 +421,7 @@ impl Mission {
         if self.holds_without_position(inputs, effects)
             || self.lands_on_battery(inputs, effects)
             || self.holds_too_near(inputs, effects)
+            || self.holds_off_track(inputs, effects)
         {
             return;
         }
@@ -434,6 +466,7 @@ impl Mission {
             HoldCause::FixLost => true,
             HoldCause::LidarLost => inputs.has_lidar,
             HoldCause::TooNear => inputs.intrusion_m <= 0.0,
+            HoldCause::OffTrack => inputs.off_track_m <= self.settings.max_off_track_m,
         };
         if is_recovered {
             let since = *self.recovered_since.get_or_insert(inputs.now);
@@ -484,11 +517,11 @@ impl Mission {
         true
     }
 
-    /// The autopilot flies by a place of its own: what it is asked for leads elsewhere, so it is
-    /// asked for no more than a landing. True if so.
+    /// The autopilot flies by a place or a heading of its own: what it is asked for leads elsewhere,
+    /// so it is asked for no more than a landing. True if so.
     fn lands_on_disagreement(&mut self, inputs: &Inputs, effects: &mut Vec<Effect>) -> bool {
-        let off_m = inputs.disagreement_m.filter(|off_m| *off_m > self.settings.max_disagreement_m);
-        let Some(off_m) = off_m.filter(|_| inputs.has_position) else {
+        let text = disagreement_text(inputs, &self.settings);
+        let Some(text) = text.filter(|_| inputs.has_position) else {
             self.disagrees_since = None;
             return false;
         };
@@ -497,7 +530,6 @@ impl Mission {
         if !is_flown || inputs.now.since(since) < self.settings.disagrees_for {
             return false;
         }
-        let text = format!("autopilot's position is {off_m:.1} m off: landing");
         effects.push(Effect::Say(Severity::Critical, text));
         self.enter(Phase::Land, "the autopilot believes to be elsewhere", inputs.now, effects);
         true
@@ -512,6 +544,30 @@ impl Mission {
         let text = format!("{:.2} m too near to something: holding", inputs.intrusion_m);
         effects.push(Effect::Say(Severity::Warning, text));
         self.enter(Phase::Hold, "too near to something", inputs.now, effects);
+        true
+    }
+
+    /// The vehicle does not follow: it is blown away, or hears nothing. What it would be told next leads
+    /// it in a straight line to where it is not, so its trajectory begins anew where it is. True if so.
+    fn holds_off_track(&mut self, inputs: &Inputs, effects: &mut Vec<Effect>) -> bool {
+        let is_off = inputs.off_track_m > self.settings.max_off_track_m;
+        self.off_track_since = since(self.off_track_since, is_off, inputs.now);
+        let is_lasting = |at: Stamp<Mono>| inputs.now.since(at) >= self.settings.off_track_for;
+        if !self.off_track_since.is_some_and(is_lasting) {
+            return false;
+        }
+        self.n_off_track += 1;
+        let off_m = inputs.off_track_m;
+        if self.n_off_track > self.settings.most_off_track_holds {
+            let text = format!("{off_m:.1} m off its path again: landing");
+            effects.push(Effect::Say(Severity::Critical, text));
+            self.enter(Phase::Land, "does not follow its trajectory", inputs.now, effects);
+            return true;
+        }
+        self.resume_to = self.phase;
+        self.hold_cause = HoldCause::OffTrack;
+        effects.push(Effect::Say(Severity::Warning, format!("{off_m:.1} m off its path: holding")));
+        self.enter(Phase::Hold, "does not follow its trajectory", inputs.now, effects);
         true
     }
 
@@ -536,9 +592,10 @@ impl Mission {
         true
     }
 
+    /// One wild word on the battery lands nobody.
     fn lands_on_battery(&mut self, inputs: &Inputs, effects: &mut Vec<Effect>) -> bool {
-        let is_empty =
-            inputs.battery_ratio.is_some_and(|ratio| ratio < self.settings.land_battery_ratio);
+        let is_lasting = |at: Stamp<Mono>| inputs.now.since(at) >= self.settings.battery_empty_for;
+        let is_empty = self.empty_since.is_some_and(is_lasting);
         if is_empty {
             effects.push(Effect::Say(Severity::Critical, "battery empty: landing".to_owned()));
             self.enter(Phase::Land, "battery empty", inputs.now, effects);
@@ -564,7 +621,10 @@ impl Mission {
         self.last_command = None;
         self.recovered_since = None;
         self.stuck_since = None;
+        self.off_track_since = None;
+        self.has_begun_landing = false;
         if to == Phase::Preflight {
+            self.n_off_track = 0;
             self.is_complete = false;
             self.was_companion = false;
             self.is_lifted = false;
@@ -575,6 +635,11 @@ impl Mission {
             self.ask(VehicleCommand::EnterLand, now, effects);
         }
     }
+}
+
+/// Since when something holds, if it does.
+fn since(before: Option<Stamp<Mono>>, holds: bool, now: Stamp<Mono>) -> Option<Stamp<Mono>> {
+    if holds { before.or(Some(now)) } else { None }
 }
 
 /// Armed in the air, in the companion's mode.

@@ -8,6 +8,7 @@ use crate::messages::{NavEstimate, OperatorAnswer, OperatorCommand, Severity};
 use crate::mission::{Effect, Inputs, Phase};
 use crate::planning::Waypoint;
 use crate::planning::trajectory::Knot;
+use crate::time::{Mono, Stamp};
 use crate::units::wrapped_rad;
 use nalgebra::Vector3;
 use std::time::Duration;
@@ -27,8 +28,19 @@ const FARTHEST_OFF_M: f64 = 10_000.0;
 const DISAGREEMENT_OLD_AFTER: Duration = Duration::from_secs(1);
 /// After a declared jump further than this, m, the trajectory begins anew where the vehicle is.
 const JUMP_FOLLOWED_M: f64 = 0.3;
+/// In a hold the vehicle may be so far from where it holds, m, before it holds where it is.
+const HELD_WITHIN_M: f64 = 1.0;
 /// Speed of a landing that the autopilot flies, m/s.
 const LANDING_MPS: f64 = 0.5;
+
+/// The pose that the autopilot told, against the own one of that instant.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Disagreement {
+    at: Stamp<Mono>,
+    off_m: f64,
+    /// Its heading minus the own one, rad; `None` where it told none.
+    turned_rad: Option<f64>,
+}
 
 impl Pilot {
     pub(super) fn watch_samples(&mut self, actions: &mut Vec<Action>) {
@@ -79,8 +91,10 @@ impl Pilot {
                 wrapped_rad(yaw_rad - self.route.settings().yaw_rad)
             }),
             position_sigma_m: self.localizer.position_sigma_m(),
-            disagreement_m: self.disagreement_m(),
+            disagreement_m: self.recent_disagreement().map(|told| told.off_m),
+            heading_disagreement_rad: self.recent_disagreement().and_then(|told| told.turned_rad),
             intrusion_m: self.intrusion_m(),
+            off_track_m: self.off_track_m(),
             way_home_ratio: self.way_home_ratio(),
             height_over_home_m: self
                 .localizer
@@ -93,20 +107,21 @@ impl Pilot {
         }
     }
 
-    /// Compares the two places once the inertial samples have reached the autopilot's instant.
+    /// Compares the two poses once the inertial samples have reached the autopilot's instant.
     pub(super) fn compare_with_autopilot(&mut self) {
         let Some(pose) = self.autopilot_pose else { return };
         if let Some((own, _)) = self.localizer.pose_at(pose.at) {
             let off_m = (pose.position.coords - own.origin.coords).norm().min(FARTHEST_OFF_M);
-            self.disagreement = Some((pose.at, off_m));
+            let turned_rad = pose
+                .hall_from_body_rot
+                .map(|rotation| wrapped_rad(rotation.yaw_rad() - own.rotation.yaw_rad()));
+            self.disagreement = Some(Disagreement { at: pose.at, off_m, turned_rad });
             self.autopilot_pose = None;
         }
     }
 
-    /// Distance of the autopilot's place to the own one, m, if it was told lately.
-    fn disagreement_m(&self) -> Option<f64> {
-        let (at, off_m) = self.disagreement?;
-        (self.now.since(at) < DISAGREEMENT_OLD_AFTER).then_some(off_m)
+    fn recent_disagreement(&self) -> Option<Disagreement> {
+        self.disagreement.filter(|told| self.now.since(told.at) < DISAGREEMENT_OLD_AFTER)
     }
 
     /// By how much the vehicle is nearer to anything than its trajectory, beyond what is demanded.
@@ -122,6 +137,13 @@ impl Pilot {
         beyond(is_at.around_m, is_planned.around_m).max(beyond(is_at.below_m, is_planned.below_m))
     }
 
+    /// Distance from where the trajectory has the vehicle now, m; 0 while either is unknown.
+    fn off_track_m(&self) -> f64 {
+        let trajectory = self.route.path().trajectory();
+        let Some((place, trajectory)) = self.localizer.pose().zip(trajectory) else { return 0.0 };
+        (place.origin.coords - trajectory.knot_at(self.now).position).norm()
+    }
+
     /// Charge for the way over the pad and down, at the consumption so far.
     fn way_home_ratio(&self) -> Option<f64> {
         let place = self.localizer.pose()?.origin.coords;
@@ -132,30 +154,38 @@ impl Pilot {
     }
 
     /// After a declared jump of the own place the trajectory leads from where the vehicle was
-    /// thought to be. It begins anew in the motion that the vehicle really has: from rest there, the
-    /// vehicle would shoot past it and be pulled back faster than anything that is planned.
-    pub(super) fn follow_jump(&mut self) {
+    /// thought to be; and in a hold nothing is worth flying back to where the vehicle is not.
+    pub(super) fn follow_vehicle(&mut self) {
         let Some(estimate) = self.localizer.estimate() else { return };
-        if estimate.reset_counter == self.reset_counter {
+        let has_jumped = estimate.reset_counter != self.reset_counter;
+        if has_jumped {
+            self.reset_counter = estimate.reset_counter;
+            self.disagreement = None;
+            self.autopilot_pose = None;
+        }
+        let may_be_off_m = match self.phase() {
+            _ if has_jumped => JUMP_FOLLOWED_M,
+            Phase::Hold if self.localizer.is_trusted(self.now) => HELD_WITHIN_M,
+            _ => return,
+        };
+        if !self.mission.is_steering() || self.off_track_m() <= may_be_off_m {
             return;
         }
-        self.reset_counter = estimate.reset_counter;
-        self.disagreement = None;
-        self.autopilot_pose = None;
-        let place = estimate.hall_from_body.origin;
-        let planned = self.route.path().trajectory().map(|t| t.knot_at(self.now).position);
-        let is_far = planned.is_some_and(|p| (p - place.coords).norm() > JUMP_FOLLOWED_M);
-        if !self.mission.is_steering() || !is_far {
-            return;
-        }
-        let limits = &self.route.settings().limits;
-        let velocity = estimate.velocity_mps.coords.cap_magnitude(limits.speed_mps);
-        let motion = Knot::steady(place.coords, velocity, self.route.settings().yaw_rad);
-        self.route.path_mut().stop_from(&motion, self.now);
+        self.stop_from_motion(&estimate);
         let over_home = self.home.map(|home| self.above(&home));
         if let (Phase::TakeOff | Phase::Return, Some(over_home)) = (self.phase(), over_home) {
             self.route.go_to(over_home, self.now);
         }
+    }
+
+    /// The trajectory begins anew in the motion that the vehicle really has: from rest there, it
+    /// would shoot past it and be pulled back faster than anything that is planned.
+    fn stop_from_motion(&mut self, estimate: &NavEstimate) {
+        let planning = self.route.settings();
+        let velocity = estimate.velocity_mps.coords.cap_magnitude(planning.limits.speed_mps);
+        let place = estimate.hall_from_body.origin.coords;
+        let motion = Knot::steady(place, velocity, planning.yaw_rad);
+        self.route.path_mut().stop_from(&motion, self.now);
     }
 
     fn is_at_target(&self) -> bool {
@@ -229,7 +259,12 @@ impl Pilot {
                     self.route.go_to(over_home, self.now);
                 }
             }
-            Phase::Hold => self.route.path_mut().brake(self.now),
+            Phase::Hold => match self.trusted_estimate() {
+                Some(estimate) if self.off_track_m() > JUMP_FOLLOWED_M => {
+                    self.stop_from_motion(&estimate);
+                }
+                _ => self.route.path_mut().brake(self.now),
+            },
             Phase::Idle | Phase::Land | Phase::Abort => self.route.path_mut().let_go(),
             // Where the flight was broken off the plan may not lead any more.
             Phase::Survey if from == Phase::Hold => self.route.plan.ask_from_here(),

@@ -37,8 +37,9 @@ impl SampleLag {
             self.is_late = false;
             return None;
         }
-        // Before the first one that was on time there is no place either.
-        let is_lasting = self.on_time_at.is_some_and(|at| now.since(at) > LATE_FOR);
+        // Those that were never on time are late from the first one on.
+        let on_time_at = *self.on_time_at.get_or_insert(now);
+        let is_lasting = now.since(on_time_at) > LATE_FOR;
         let becomes_late = has_arrived && is_lasting && !self.is_late;
         self.is_late |= becomes_late;
         becomes_late.then_some(age)
@@ -72,6 +73,7 @@ mod tests {
         assert_eq!(told_at(slow_from), (vec![1_740], true));
         let for_a_while = |ms: u64| if (1_500..2_500).contains(&ms) { 180 } else { 20 };
         assert_eq!(told_at(for_a_while), (vec![1_740], false));
+        assert_eq!(told_at(|_| 180), (vec![1_260], true));
     }
 
     #[test]

@@ -8,7 +8,7 @@ use super::recorder::Recorder;
 use super::status::{ServiceStats, ServiceStatus};
 use crate::link::transport::{Outgoing, Received, Transport};
 use crate::link::{PAGE, Session, SessionOutput};
-use crate::messages::{OperatorAnswer, Severity};
+use crate::messages::{OperatorAnswer, OperatorVerb, Severity};
 use crate::pilot::{Action, Event, Job, JobId, JobOutput, Pilot};
 use crate::time::{Mono, Stamp};
 use crate::web::{Feed, Pulse, Wish};
@@ -25,6 +25,8 @@ use tokio_util::sync::CancellationToken;
 const TICKS_PER_STATUS: u64 = 6;
 /// What waits in an input when a tick strikes is taken in first, but no more than this.
 const MAX_BEFORE_TICK: usize = 256;
+/// An autopilot that hears takes a command within some tenths of a second.
+const LANDS_WITHIN: Duration = Duration::from_secs(1);
 const WARN_EVERY: Duration = Duration::from_secs(1);
 const WARN_AT_LEAST_EVERY: Duration = Duration::from_secs(60);
 /// Frames that the guard refuses may come for as long as somebody sends them.
@@ -63,6 +65,8 @@ pub(super) struct Brain {
     session: Session,
     clock: Clock,
     transport: Transport,
+    /// Ends the transport: after the last command, so not with everything else.
+    link_stop: CancellationToken,
     recorder: Option<Box<dyn Recorder>>,
     jobs: JoinSet<(JobId, JobOutput)>,
     ticker: Ticker,
@@ -89,7 +93,7 @@ impl Brain {
         pilot: Pilot,
         session: Session,
         clock: Clock,
-        transport: Transport,
+        (transport, link_stop): (Transport, CancellationToken),
         witnesses: Witnesses,
     ) -> Self {
         let now = clock.now();
@@ -98,6 +102,7 @@ impl Brain {
             pilot,
             session,
             transport,
+            link_stop,
             recorder,
             jobs: JoinSet::new(),
             ticker: Ticker::new(now),
@@ -122,18 +127,50 @@ impl Brain {
         Arc::clone(&self.last_tick)
     }
 
-    /// Works until `stop` is cancelled, then ends everything in order.
+    /// Works until `stop` is cancelled, then has a vehicle that it steers land, and ends everything in order.
     pub(super) async fn run(mut self, mut inputs: Inputs, stop: CancellationToken) -> ServiceStats {
         loop {
             match self.next(&mut inputs, &stop).await {
-                Happening::Stopped => return Box::pin(self.end()).await,
-                Happening::TickDue => self.tick(&mut inputs),
-                Happening::Arrived(received) => self.arrived(&received),
-                Happening::Sensed(event) => self.events.push_back(event),
-                Happening::Wished(wish) => self.wished(wish),
-                Happening::JobEnded(result) => self.job_ended(result),
+                Happening::Stopped => break,
+                happening => self.take(happening, &mut inputs),
             }
+        }
+        Box::pin(self.land_first(&mut inputs)).await;
+        Box::pin(self.end()).await
+    }
+
+    fn take(&mut self, happening: Happening, inputs: &mut Inputs) {
+        match happening {
+            Happening::Stopped => {}
+            Happening::TickDue => self.tick(inputs),
+            Happening::Arrived(received) => self.arrived(&received),
+            Happening::Sensed(event) => self.events.push_back(event),
+            Happening::Wished(wish) => self.wished(wish),
+            Happening::JobEnded(result) => self.job_ended(result),
+        }
+        self.work_off();
+    }
+
+    /// A vehicle that is steered from here is told to land before the setpoints end: left to itself, one
+    /// that has no other position than ours drifts until its own failsafe notices.
+    async fn land_first(&mut self, inputs: &mut Inputs) {
+        if !self.pilot.phase().is_steering() {
+            return;
+        }
+        if let Some(event) = self.session.on_own_wish(OperatorVerb::Land, self.clock.now()) {
+            self.events.push_back(event);
             self.work_off();
+        }
+        let never = CancellationToken::new();
+        let answered = async {
+            while self.session.awaits_answers() {
+                let happening = self.next(inputs, &never).await;
+                self.take(happening, inputs);
+            }
+        };
+        // By the wall, for the clock of a simulation may stand.
+        if tokio::time::timeout(LANDS_WITHIN, answered).await.is_err() {
+            tracing::error!("the autopilot has not answered: it is left to its own failsafe");
         }
     }
 
@@ -386,6 +423,7 @@ impl Brain {
             }
         }
         self.jobs.shutdown().await;
+        self.link_stop.cancel();
         self.transport.join().await;
         stats
     }

@@ -232,7 +232,7 @@ impl Onboard {
         self.service.is_ending()
     }
 
-    /// Asks everything to end; the vehicle is left to the autopilot's failsafe.
+    /// Asks everything to end; a vehicle that is steered is told to land first.
     pub fn stop(&self) {
         self.service.stop();
     }

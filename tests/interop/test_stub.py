@@ -107,6 +107,8 @@ def commands():
         set_mode, arm = mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_CMD_COMPONENT_ARM_DISARM
         assert acks(link, mavlink.MAV_CMD_DO_SET_RELAY, 1) == [UNSUPPORTED]
         assert acks(link, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, 1, 12345, 1e5) == [FAILED]
+        # PX4 chooses the rate of its heartbeat itself.
+        assert acks(link, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, 1, 0, 33333) == [FAILED]
         assert acks(link, mavlink.MAV_CMD_REQUEST_MESSAGE, 1, 12345) == [DENIED]
         # Disarmed, any mode is accepted, twice; armed it is not without setpoints.
         assert acks(link, set_mode, 2, 1, OFFBOARD) == [ACCEPTED, ACCEPTED]

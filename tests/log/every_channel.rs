@@ -62,6 +62,7 @@ fn events() -> Vec<Event> {
             in_failsafe: false,
             is_ready: true,
             is_contested: false,
+            is_mode_prompt: true,
             takes_off: TakeOff::ByCommand,
         }),
         Event::AutopilotRebooted(AT),

@@ -96,8 +96,9 @@ fn vehicle() -> impl Strategy<Value = VehicleState> {
         Just(LandedState::Landing),
     ];
     let takes_off = prop_oneof![Just(TakeOff::BySetpoints), Just(TakeOff::ByCommand)];
-    (stamp(), any::<[bool; 4]>(), mode, landed, takes_off).prop_map(
-        |(at, [is_armed, in_failsafe, is_ready, is_contested], mode, landed, takes_off)| {
+    (stamp(), any::<[bool; 5]>(), mode, landed, takes_off).prop_map(
+        |(at, flags, mode, landed, takes_off)| {
+            let [is_armed, in_failsafe, is_ready, is_contested, is_mode_prompt] = flags;
             VehicleState {
                 at,
                 is_armed,
@@ -106,6 +107,7 @@ fn vehicle() -> impl Strategy<Value = VehicleState> {
                 in_failsafe,
                 is_ready,
                 is_contested,
+                is_mode_prompt,
                 takes_off,
             }
         },

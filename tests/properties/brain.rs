@@ -135,6 +135,7 @@ impl Source {
             in_failsafe: false,
             is_ready: true,
             is_contested: false,
+            is_mode_prompt: true,
             takes_off: TakeOff::BySetpoints,
         }
     }

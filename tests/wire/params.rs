@@ -201,6 +201,33 @@ async fn each_of_ten_mistakes_on_ardupilot_is_found() {
     each_is_found(3, ARDUPILOT_FILE, ardupilot(), mistakes).await;
 }
 
+/// ArduPilot's action on a critical battery does nothing without a threshold, and both are 0 by default.
+#[tokio::test]
+async fn a_threshold_that_is_the_owners_to_choose_is_demanded() {
+    let file = ParamFile::parse(ARDUPILOT_FILE).unwrap();
+    for (volt, mah, problem, told) in [
+        (Some(0.0), Some(0.0), Some(Problem::NotChosen), Some(0.0)),
+        (Some(14.0), Some(0.0), None, Some(14.0)),
+        (Some(0.0), Some(500.0), None, Some(500.0)),
+        (None, Some(0.0), Some(Problem::NotChosen), Some(0.0)),
+        (None, None, Some(Problem::Unknown), None),
+    ] {
+        let mut table = ardupilot();
+        for (name, value) in [("BATT_CRT_VOLT", volt), ("BATT_CRT_MAH", mah)] {
+            table.extend(value.map(|value| (name.to_owned(), (REAL32, float(value)))));
+        }
+        let responder = Responder::new(3, 0, table).await;
+        let mut live = responder.find().await;
+        let comparisons = patiently(live.compare(&file)).await.unwrap();
+        assert_eq!(comparisons.len(), file.lines.len() + 1);
+        let demand = comparisons.last().unwrap();
+        assert_eq!(demand.name, "BATT_CRT_VOLT or BATT_CRT_MAH");
+        assert_eq!((demand.wanted.as_str(), demand.problem), ("above 0", problem));
+        assert_eq!(demand.found.map(|(_, value)| value.as_f64()), told);
+        assert!(comparisons.iter().rev().skip(1).all(|comparison| comparison.problem.is_none()));
+    }
+}
+
 #[tokio::test]
 async fn whole_numbers_are_written_as_each_autopilot_wants() {
     for (autopilot, name, kind, field) in

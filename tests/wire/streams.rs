@@ -78,6 +78,73 @@ async fn a_broken_stream_is_opened_again_after_a_second_without_stale_messages()
     patiently(transport.join()).await;
 }
 
+/// A peer that holds the connection and does nothing with it: neither reads nor speaks.
+#[tokio::test]
+async fn a_peer_that_takes_nothing_gets_nothing_old() {
+    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let (transport, driver, stop) =
+        open(&format!("tcpout:{}", listener.local_addr().unwrap())).await;
+    let (peer, _) = patiently(listener.accept()).await.unwrap();
+    until(|| transport.stats().opened == 1).await;
+    let text = STATUSTEXT_DATA { text: "x".repeat(50).as_str().into(), ..Default::default() };
+    // Until the buffers of both ends are full.
+    let mut sent_before = u64::MAX;
+    while transport.stats().sent != sent_before {
+        sent_before = transport.stats().sent;
+        for _ in 0..200 {
+            // Once the outbox is full the rest is lost, as it should be.
+            transport.outgoing.send(out(MavMessage::STATUSTEXT(text.clone()))).ok();
+        }
+        for _ in 0..2_000 {
+            tokio::task::yield_now().await;
+        }
+    }
+    assert_eq!(transport.stats().io_errors, 0);
+    driver.advance_to(at_ms(1_001));
+    until(|| transport.stats().io_errors == 1).await;
+    transport.outgoing.send(heartbeat_out()).unwrap();
+    driver.advance_to(at_ms(2_002));
+    let (_peer, _) = patiently(listener.accept()).await.unwrap();
+    until(|| transport.stats().opened == 2).await;
+    // All that had waited is thrown away, and so is what the heartbeat would have led.
+    until(|| transport.stats().send_failed > 0).await;
+    assert_eq!(transport.stats().sent, sent_before);
+    drop(peer);
+    stop.cancel();
+    patiently(transport.join()).await;
+}
+
+#[tokio::test]
+async fn a_silent_connection_is_opened_again() {
+    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let (mut transport, driver, stop) =
+        open(&format!("tcpout:{}", listener.local_addr().unwrap())).await;
+    let (mut peer, _) = patiently(listener.accept()).await.unwrap();
+    until(|| transport.stats().opened == 1).await;
+    // A heartbeat in each span keeps it open.
+    for second in [4, 8] {
+        peer.write_all(&px4_heartbeat()).await.unwrap();
+        assert!(patiently(transport.received.recv()).await.is_some());
+        driver.advance_to(at_ms(second * 1_000 + 1_500));
+        for _ in 0..200 {
+            tokio::task::yield_now().await;
+        }
+        assert_eq!(transport.stats().io_errors, 0);
+    }
+    // Its last heartbeat fell into the span that ends at 10.5 s; the next one is silent.
+    for ms in [11_000, 17_000] {
+        driver.advance_to(at_ms(ms));
+        for _ in 0..200 {
+            tokio::task::yield_now().await;
+        }
+    }
+    until(|| transport.stats().io_errors == 1).await;
+    driver.advance_to(at_ms(18_001));
+    let _again = patiently(listener.accept()).await.unwrap();
+    stop.cancel();
+    patiently(transport.join()).await;
+}
+
 fn pseudo_terminal() -> (File, String) {
     let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).unwrap();
     grantpt(&master).unwrap();
@@ -117,7 +184,7 @@ async fn a_slow_serial_line_gets_what_it_carries_and_fresh_setpoints() {
         move || setpoints_heard(master, &n_bytes)
     });
     let text = STATUSTEXT_DATA { text: "x".repeat(50).as_str().into(), ..Default::default() };
-    for _ in 0..200 {
+    for _ in 0..64 {
         transport.outgoing.send(out(MavMessage::STATUSTEXT(text.clone()))).unwrap();
     }
     // Twice as many setpoints as the line could carry, and their only content is their number.

@@ -65,6 +65,11 @@ impl Commander {
         self.failsafe.unwrap_or(self.intended)
     }
 
+    /// The mode that was asked for; a failsafe may fly another.
+    pub(super) const fn intended(&self) -> Px4Mode {
+        self.intended
+    }
+
     /// Changes the intended mode; refused while armed if the mode's checks fail.
     pub(super) fn request(&mut self, mode: Px4Mode, facts: &Facts) -> bool {
         if self.is_armed && !facts.allow(mode) {

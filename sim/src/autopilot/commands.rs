@@ -126,12 +126,11 @@ impl StubPx4 {
 
     fn set_interval(&mut self, command: &Command) -> MavResult {
         let [message_id, interval_us] = command.params.map(|value| whole(f64::from(value)));
-        let streams = match command.link {
-            Link::Companion => &mut self.companion_streams,
-            Link::Ground => &mut self.ground_streams,
-        };
-        let is_known = u32::try_from(message_id)
-            .is_ok_and(|message_id| streams.set_interval(message_id, interval_us));
+        // The rate of its heartbeat is nobody's to choose.
+        let is_known = u32::try_from(message_id).is_ok_and(|message_id| {
+            message_id != id::HEARTBEAT
+                && self.streams_mut(command.link).set_interval(message_id, interval_us)
+        });
         accepted_or(is_known, MavResult::MAV_RESULT_FAILED)
     }
 

@@ -23,6 +23,8 @@ const PRESSURE_VAR_M2: f64 = 1.0;
 const HELD_VAR_M2: f64 = 100.0;
 /// Share of a new difference between vision and air pressure that is learned per sample.
 const PRESSURE_LEARNED: f64 = 0.01;
+/// Variance of the heading by the compass, rad².
+const COMPASS_VAR_RAD2: f64 = 0.3 * 0.3;
 
 /// What the estimator is told with each inertial sample, FRD.
 #[derive(Debug, Clone, Copy)]
@@ -31,6 +33,8 @@ pub(super) struct Inputs {
     pub(super) gyro_radps: Vector3<f64>,
     pub(super) pressure_height_m: f64,
     pub(super) dt_s: f64,
+    /// Heading by the compass, rad, where the autopilot uses it.
+    pub(super) compass_rad: Option<f64>,
     /// Disarmed on the ground.
     pub(super) is_at_rest: bool,
 }
@@ -89,6 +93,10 @@ impl Estimator {
         let Some(inertial) = &mut self.inertial else { return };
         if inputs.is_at_rest {
             inertial.fuse_rest();
+        }
+        if let Some(compass_rad) = inputs.compass_rad {
+            inertial.follow_compass(compass_rad, self.vision.is_yaw_aligned());
+            self.vision.align_yaw();
         }
         let pressure_m = inputs.pressure_height_m;
         let height_m = -inertial.position_m.z;

@@ -44,7 +44,7 @@ use ParamValue::{Int, Real};
 
 /// External vision after PX4's `params_external_vision.yaml`. Entries that the stub does not act on
 /// (lever arm, battery actions, RC) are there to be read and written.
-const DEFAULTS: [(&str, ParamValue); 56] = [
+const DEFAULTS: [(&str, ParamValue); 57] = [
     ("BAT1_CAPACITY", Real(-1.0)),
     ("BAT1_N_CELLS", Int(0)),
     ("BAT_CRIT_THR", Real(0.07)),
@@ -83,6 +83,7 @@ const DEFAULTS: [(&str, ParamValue); 56] = [
     ("EKF2_NOAID_TOUT", Int(5_000_000)),
     ("EKF2_OF_CTRL", Int(1)),
     ("IMU_INTEG_RATE", Int(200)),
+    ("MAV_1_RATE", Int(0)),
     ("MAV_COMP_ID", Int(1)),
     ("MAV_SYS_ID", Int(1)),
     ("MIS_TAKEOFF_ALT", Real(2.5)),

@@ -27,10 +27,12 @@ pub(super) mod id {
     pub(in crate::autopilot) const RAW_IMU: u32 = 27;
     pub(in crate::autopilot) const SCALED_IMU: u32 = 26;
     pub(in crate::autopilot) const EKF_STATUS_REPORT: u32 = 193;
+    pub(in crate::autopilot) const CURRENT_MODE: u32 = 436;
 }
 
-/// Default rate of each stream on the companion's link, mHz; 0 for those on request only.
-const DEFAULT_MILLIHZ: [(u32, u64); 18] = [
+/// Default rate of each stream on the companion's link, mHz; 0 for those on request only. What PX4 sends
+/// beside these is counted by [`BESIDE_BYTES_PER_S`].
+const DEFAULT_MILLIHZ: [(u32, u64); 19] = [
     (id::HEARTBEAT, 1_000),
     (id::SYS_STATUS, 1_000),
     (id::SYSTEM_TIME, 1_000),
@@ -48,6 +50,7 @@ const DEFAULT_MILLIHZ: [(u32, u64); 18] = [
     (id::HOME_POSITION, 500),
     (id::EXTENDED_SYS_STATE, 5_000),
     (id::ODOMETRY, 30_000),
+    (id::CURRENT_MODE, 500),
     (id::HIL_STATE_QUATERNION, 0),
 ];
 
@@ -61,6 +64,30 @@ const GROUND_MILLIHZ: [(u32, u64); 6] = [
     (id::EXTENDED_SYS_STATE, 1_000),
 ];
 
+/// Full frames of MAVLink 2, unsigned, bytes.
+const FRAME_BYTES: [(u32, f64); 16] = [
+    (id::SYS_STATUS, 55.0),
+    (id::SYSTEM_TIME, 24.0),
+    (id::ATTITUDE, 40.0),
+    (id::ATTITUDE_QUATERNION, 60.0),
+    (id::LOCAL_POSITION_NED, 40.0),
+    (id::GLOBAL_POSITION_INT, 40.0),
+    (id::GPS_GLOBAL_ORIGIN, 32.0),
+    (id::POSITION_TARGET_LOCAL_NED, 63.0),
+    (id::HIGHRES_IMU, 75.0),
+    (id::TIMESYNC, 30.0),
+    (id::BATTERY_STATUS, 66.0),
+    (id::ESTIMATOR_STATUS, 54.0),
+    (id::HOME_POSITION, 72.0),
+    (id::EXTENDED_SYS_STATE, 14.0),
+    (id::ODOMETRY, 245.0),
+    (id::CURRENT_MODE, 21.0),
+];
+/// What PX4 sends beside the streams of the stub, and nobody switches off.
+const BESIDE_BYTES_PER_S: f64 = 1_500.0;
+/// PX4 slows its streams down to no less than this.
+const LEAST_RATE_RATIO: f64 = 0.05;
+
 #[derive(Debug, Clone, Copy)]
 struct Stream {
     id: u32,
@@ -70,9 +97,11 @@ struct Stream {
 }
 
 /// The streams of one link.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct Streams {
     streams: Vec<Stream>,
+    /// What may leave, bytes/s; `None` where nothing bounds it.
+    pub(super) most_bytes_per_s: Option<f64>,
 }
 
 impl Streams {
@@ -90,7 +119,7 @@ impl Streams {
             let default = 1_000_000_000_000_u64.checked_div(millihz).map(Duration::from_nanos);
             Stream { id, default, interval: default, due: Stamp::ZERO }
         };
-        Self { streams: rates.iter().map(stream).collect() }
+        Self { streams: rates.iter().map(stream).collect(), most_bytes_per_s: None }
     }
 
     /// Sets an interval in µs: 0 for the default, negative for off. False for an unknown id.
@@ -106,6 +135,11 @@ impl Streams {
         true
     }
 
+    /// The firmware does not know this message.
+    pub(super) fn forget(&mut self, id: u32) {
+        self.streams.retain(|stream| stream.id != id);
+    }
+
     /// Sets every stream to an interval, or switches all off.
     pub(super) fn set_all(&mut self, interval: Option<Duration>) {
         for stream in &mut self.streams {
@@ -113,14 +147,29 @@ impl Streams {
         }
     }
 
-    /// Calls `send` with each id that is due.
-    pub(super) fn poll(&mut self, now: Stamp<Boot>, mut send: impl FnMut(u32)) {
+    /// By how much PX4 slows every stream but the heartbeat down: by what all would take if each had
+    /// something to say (`Mavlink::update_rate_mult`).
+    fn rate_ratio(&self) -> f64 {
+        let Some(most_bytes_per_s) = self.most_bytes_per_s else { return 1.0 };
+        let taken = |stream: &Stream| {
+            let frame = FRAME_BYTES.iter().find(|(id, _)| *id == stream.id);
+            let interval_s = stream.interval.map(|interval| interval.as_secs_f64());
+            frame.zip(interval_s).map_or(0.0, |((_, bytes), interval_s)| bytes / interval_s)
+        };
+        let wanted = BESIDE_BYTES_PER_S + self.streams.iter().map(taken).sum::<f64>();
+        (most_bytes_per_s / wanted).clamp(LEAST_RATE_RATIO, 1.0)
+    }
+
+    /// Calls `send` with each id that is due; one for which it has nothing to send stays due.
+    pub(super) fn poll(&mut self, now: Stamp<Boot>, mut send: impl FnMut(u32) -> bool) {
+        let rate_ratio = self.rate_ratio();
         for stream in &mut self.streams {
             let Some(interval) = stream.interval else { continue };
-            if now < stream.due {
+            let is_constant = stream.id == id::HEARTBEAT;
+            let interval = if is_constant { interval } else { interval.div_f64(rate_ratio) };
+            if now < stream.due || !send(stream.id) {
                 continue;
             }
-            send(stream.id);
             // Keep the rhythm, but do not catch up after a pause.
             let next = stream.due.plus(interval);
             stream.due = if next <= now { now.plus(interval) } else { next };
@@ -136,7 +185,10 @@ mod tests {
         let mut n = 0;
         for tick in 0..seconds * 200 {
             let now = Stamp::from_nanos(1_000_000_000 + tick * 5_000_000);
-            streams.poll(now, |sent| n += usize::from(sent == id));
+            streams.poll(now, |sent| {
+                n += usize::from(sent == id);
+                true
+            });
         }
         n
     }
@@ -147,6 +199,26 @@ mod tests {
             let n = count(&mut Streams::companion(), id, 20);
             assert!(n.abs_diff(20 * hz) <= 1, "{id}: {n} in 20 s");
         }
+    }
+
+    #[test]
+    fn a_port_with_too_few_bytes_slows_everything_but_the_heartbeat_down() {
+        let of = |most_bytes_per_s| {
+            let mut streams = Streams::companion();
+            streams.set_interval(id::HIGHRES_IMU, 5_000);
+            streams.most_bytes_per_s = Some(most_bytes_per_s);
+            streams
+        };
+        // 15000 of HIGHRES_IMU, 7350 of ODOMETRY, 4000 of ATTITUDE, 3000 of ATTITUDE_QUATERNION, 2000 of
+        // GLOBAL_POSITION_INT, 1200 of LOCAL_POSITION_NED, 630 of the target, 300 of TIMESYNC, 1500 of
+        // others and some 280 of the slow ones make 35.3 kB/s: of 115200 baud PX4 uses 5760.
+        let n = count(&mut of(5_760.0), id::HIGHRES_IMU, 20);
+        assert!((580..690).contains(&n), "{n} in 20 s: 200 Hz · 5760 / 35300 = 32.6 Hz");
+        assert_eq!(count(&mut of(5_760.0), id::HEARTBEAT, 20), 20);
+        assert!(count(&mut of(46_080.0), id::HIGHRES_IMU, 20).abs_diff(4_000) <= 1);
+        // Nothing is slowed down to less than a twentieth.
+        let n = count(&mut of(10.0), id::HIGHRES_IMU, 20);
+        assert!(n.abs_diff(200) <= 2, "{n}");
     }
 
     #[test]

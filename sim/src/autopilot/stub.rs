@@ -11,7 +11,8 @@ use super::modes::Px4Mode;
 use super::outbox::{Link, Outbox};
 use super::params::ParamTable;
 use super::setpoint::Target;
-use super::streams::Streams;
+use super::status::Status;
+use super::streams::{Streams, id};
 use super::takeoff::TakeOff;
 use super::timesync::TimeSync;
 use crate::vehicle::{MotorCommands, Vehicle};
@@ -31,6 +32,9 @@ const BOOT_TIME: Duration = Duration::from_secs(2);
 /// Time after which a silent companion counts as lost: `COM_OBC_LOSS_T` and PX4's own delay.
 const COMPANION_LOST_AFTER: Duration = Duration::from_secs(7);
 
+/// The hall's x axis points this far east of magnetic north, rad: no hall stands by the compass.
+const HALL_BEARING_RAD: f64 = 0.7;
+
 /// What the autopilot measures itself.
 #[derive(Debug, Clone, Copy)]
 pub struct Sensors {
@@ -38,6 +42,8 @@ pub struct Sensors {
     pub imu: ImuSample,
     /// Height by air pressure, m.
     pub pressure_height_m: f64,
+    /// Heading against magnetic north, clockwise, rad.
+    pub compass_rad: f64,
     /// Battery voltage, V.
     pub battery_voltage_v: f64,
     /// Battery current, A.
@@ -52,6 +58,7 @@ impl Sensors {
         Self {
             imu,
             pressure_height_m: 0.0,
+            compass_rad: HALL_BEARING_RAD,
             battery_voltage_v: 0.0,
             battery_current_a: 0.0,
             battery_charge_ratio: 1.0,
@@ -62,10 +69,12 @@ impl Sensors {
     #[must_use]
     pub fn read(vehicle: &mut Vehicle, imu: ImuSample) -> Self {
         let pressure_height_m = vehicle.barometer_height_m();
+        let yaw_rad = vehicle.hall_from_body().rotation.yaw_rad();
         let battery = vehicle.battery();
         Self {
             imu,
             pressure_height_m,
+            compass_rad: HALL_BEARING_RAD - yaw_rad,
             battery_voltage_v: battery.voltage_v(),
             battery_current_a: battery.current_a(),
             battery_charge_ratio: battery.charge_ratio(),
@@ -88,6 +97,7 @@ pub struct StubPx4 {
     pub(super) outbox: Outbox,
     pub(super) companion_streams: Streams,
     pub(super) ground_streams: Streams,
+    pub(super) status: Status,
     pub(super) timesync: TimeSync,
     pub(super) estimator: Estimator,
     pub(super) belief: Belief,
@@ -132,6 +142,7 @@ impl StubPx4 {
             outbox: Outbox::default(),
             companion_streams: Streams::companion(),
             ground_streams: Streams::ground(),
+            status: Status::default(),
             timesync: TimeSync::default(),
             belief: estimator.belief(),
             estimator,
@@ -177,11 +188,19 @@ impl StubPx4 {
             accel_mps2: self.accel_frd_mps2,
             gyro_radps: self.gyro_frd_radps,
             pressure_height_m: self.sensors.pressure_height_m,
+            compass_rad: self.uses_compass().then_some(self.sensors.compass_rad),
             dt_s,
             is_at_rest: !self.commander.is_armed() && self.landing.is_landed(),
         };
         self.estimator.step(self.now, &inputs);
         self.belief = self.estimator.belief();
+    }
+
+    /// Vision's heading, where it is fused, displaces the compass.
+    fn uses_compass(&self) -> bool {
+        let fuses_vision_yaw = self.params.int("EKF2_EV_CTRL") & 8 != 0;
+        let is_there = self.params.int("SYS_HAS_MAG") != 0 && self.params.int("EKF2_MAG_TYPE") != 5;
+        is_there && !fuses_vision_yaw
     }
 
     fn judge(&mut self) {
@@ -232,25 +251,33 @@ impl StubPx4 {
     }
 
     fn send_streams(&mut self) {
+        let mode = (self.commander.active(), self.commander.is_armed());
+        self.status.publish(self.now, mode);
         for link in [Link::Companion, Link::Ground] {
-            let streams = match link {
-                Link::Companion => &mut self.companion_streams,
-                Link::Ground => &mut self.ground_streams,
-            };
-            let mut due = [None; 20];
-            let mut n_due = 0;
-            streams.poll(self.now, |id| {
-                if let Some(slot) = due.get_mut(n_due) {
-                    *slot = Some(id);
-                    n_due += 1;
-                }
-            });
-            for id in due.into_iter().flatten() {
-                if let Some(message) = self.message(id) {
-                    self.outbox.send(link, message);
-                }
-            }
+            let mut streams = std::mem::take(self.streams_mut(link));
+            streams.poll(self.now, |id| self.send_stream(link, id));
+            *self.streams_mut(link) = streams;
         }
+    }
+
+    pub(super) const fn streams_mut(&mut self, link: Link) -> &mut Streams {
+        match link {
+            Link::Companion => &mut self.companion_streams,
+            Link::Ground => &mut self.ground_streams,
+        }
+    }
+
+    /// False if there is nothing to say.
+    fn send_stream(&mut self, link: Link, id: u32) -> bool {
+        if id == id::CURRENT_MODE && !self.status.is_news_for(link) {
+            return false;
+        }
+        let message = self.message(id);
+        let is_sent = message.is_some();
+        if let Some(message) = message {
+            self.outbox.send(link, message);
+        }
+        is_sent
     }
 
     pub(super) fn facts(&self) -> Facts {
@@ -333,6 +360,20 @@ impl StubPx4 {
     pub fn kill(&mut self) {
         self.is_dead = true;
         self.outbox.clear();
+    }
+
+    /// The companion's link is a serial port of this speed: PX4 sends `MAV_1_RATE` bytes/s at most, half
+    /// of what the line carries if that is 0.
+    pub fn speaks_over_serial(&mut self, baud: u32) {
+        let rate = self.params.int("MAV_1_RATE");
+        let most = if rate > 0 { f64::from(rate) } else { f64::from(baud / 20) };
+        self.companion_streams.most_bytes_per_s = Some(most);
+    }
+
+    /// From now on it is a firmware from before v1.15, which knows no `CURRENT_MODE`.
+    pub fn forgets_current_mode(&mut self) {
+        self.companion_streams.forget(id::CURRENT_MODE);
+        self.ground_streams.forget(id::CURRENT_MODE);
     }
 
     /// The parameters.

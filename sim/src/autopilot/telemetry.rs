@@ -36,6 +36,7 @@ impl StubPx4 {
             id::HOME_POSITION => self.home_position()?,
             id::EXTENDED_SYS_STATE => self.extended_sys_state(),
             id::ODOMETRY => self.odometry(),
+            id::CURRENT_MODE => self.current_mode(),
             id::HIL_STATE_QUATERNION => self.truth.clone()?,
             _ => return None,
         })
@@ -50,6 +51,14 @@ impl StubPx4 {
             base_mode: self.commander.base_mode(&facts),
             system_status: self.commander.system_status(&facts),
             mavlink_version: 3,
+        })
+    }
+
+    fn current_mode(&self) -> MavMessage {
+        MavMessage::CURRENT_MODE(m::CURRENT_MODE_DATA {
+            custom_mode: self.commander.active().custom_mode(),
+            intended_custom_mode: self.commander.intended().custom_mode(),
+            standard_mode: m::MavStandardMode::MAV_STANDARD_MODE_NON_STANDARD,
         })
     }
 

@@ -3,6 +3,7 @@
 mod autopilot;
 mod companion;
 mod hazards;
+mod heading;
 mod limits;
 mod link;
 mod people;
@@ -14,7 +15,7 @@ use crate::autopilot::Flavour;
 /// One line of the fault matrix.
 #[derive(Debug, Clone, Copy)]
 pub struct Case {
-    /// Its number: 1 to 33 in the matrix, from 101 on for hazards of real autopilots.
+    /// Its number: 1 to 33 in the matrix, 34 the loss of one way, from 101 on for hazards of real autopilots.
     pub number: u32,
     /// What goes wrong.
     pub name: &'static str,
@@ -95,6 +96,7 @@ pub const CASES: &[Case] = &[
     both(31, "no marker in view, no origin", autopilot::no_take_off),
     both(32, "ODOMETRY too seldom, wrong frame", autopilot::odometry_refused),
     both(33, "49.7 days wrap, parameters set in flight", limits::wraps),
+    both(34, "only the way to the autopilot is lost", link::one_way_lost),
     only(Px4, 101, "PX4: origin at 489 m, then a gap of vision", hazards::high_origin),
     only(Px4, 102, "PX4: Hold after loss needs a level origin", hazards::hold_on_loss),
     only(Px4, 103, "PX4: defaults after setpoint loss", hazards::default_loss_action),

@@ -3,7 +3,7 @@
 use crate::support::{Loop, Wish, origin, setpoint, single};
 use mavlink::dialects::ardupilotmega as m;
 use mavlink::dialects::ardupilotmega::{MavCmd, MavMessage, MavResult};
-use stockpilot_sim::autopilot::{ApMode, ApParams, StubArduPilot};
+use stockpilot_sim::autopilot::{ApMode, ApParams, StubArduPilot, StubAutopilot};
 
 const ACCEPTED: [MavResult; 1] = [MavResult::MAV_RESULT_ACCEPTED];
 const FAILED: [MavResult; 1] = [MavResult::MAV_RESULT_FAILED];
@@ -172,6 +172,7 @@ fn nothing_but_the_heartbeat_flows_unasked() {
     };
     assert!(!flight.received.is_empty() && flight.received.iter().all(is_talk));
     let interval = MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL;
+    assert_eq!(flight.command(interval, [0.0, 33_333.0, 0.0]), ACCEPTED, "HEARTBEAT");
     assert_eq!(flight.command(interval, [9999.0, 10_000.0, 0.0]), DENIED);
     assert!(says(&flight, "No ap_message for mavlink id (9999)"));
     assert_eq!(flight.command(interval, [105.0, 1_000.0, 0.0]), DENIED, "1000 Hz");
@@ -199,4 +200,25 @@ fn the_first_origin_counts() {
         })
         .collect();
     assert_eq!(origins, [1_000]);
+}
+
+#[test]
+fn a_heading_by_compass_is_another_than_the_halls() {
+    let of = |changes: &[(&str, f32)]| {
+        let mut params = ApParams::indoor();
+        for (name, value) in changes {
+            assert!(params.set(name, *value), "{name}");
+        }
+        let mut flight = Loop::ardupilot(params, 7);
+        flight.run(10.0);
+        let belief = StubAutopilot::ArduPilot(flight.stub.clone());
+        let (hall_from_body, _) = belief.believed_motion();
+        (flight.stub.is_position_valid(), hall_from_body.rotation.yaw_rad())
+    };
+    let (is_valid, yaw_rad) = of(&[]);
+    assert!(is_valid && (yaw_rad - 0.4).abs() < 0.02, "{yaw_rad}");
+    let (is_valid, _) = of(&[("EK3_SRC1_YAW", 1.0)]);
+    assert!(!is_valid, "no compass, no heading");
+    let (is_valid, yaw_rad) = of(&[("EK3_SRC1_YAW", 1.0), ("COMPASS_ENABLE", 1.0)]);
+    assert!(is_valid && (yaw_rad - (0.4 - 0.7)).abs() < 0.02, "{yaw_rad}");
 }

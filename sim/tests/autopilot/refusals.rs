@@ -74,6 +74,9 @@ fn commands_are_answered_as_in_the_table() {
     let interval = MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL;
     assert_eq!(flight.command(interval, [105.0, 5000.0, 0.0]), [ACCEPTED]);
     assert_eq!(flight.command(interval, [9999.0, 5000.0, 0.0]), [MavResult::MAV_RESULT_FAILED]);
+    // `set_message_interval` begins with a refusal for HEARTBEAT.
+    assert_eq!(flight.command(interval, [0.0, 33_333.0, 0.0]), [MavResult::MAV_RESULT_FAILED]);
+    assert_eq!(flight.command(interval, [436.0, 20_000.0, 0.0]), [ACCEPTED]);
     let request = MavCmd::MAV_CMD_REQUEST_MESSAGE;
     assert_eq!(flight.command(request, [148.0, 0.0, 0.0]), [ACCEPTED]);
     for unset in [242.0, 49.0, 9999.0] {
@@ -86,6 +89,62 @@ fn commands_are_answered_as_in_the_table() {
     flight.send(&command_long(disarm, [1.0, 0.0, 0.0], 77));
     flight.collect();
     assert!(flight.acks(disarm).is_empty(), "another component's command is met with silence");
+}
+
+#[test]
+fn the_heartbeat_keeps_its_second_and_current_mode_tells_changes_at_once() {
+    let mut flight = on_pad();
+    let interval = MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL;
+    let modes = |flight: &Loop| -> Vec<(u32, u32)> {
+        let mode = |message: &MavMessage| match message {
+            MavMessage::CURRENT_MODE(data) => Some((data.custom_mode, data.intended_custom_mode)),
+            _ => None,
+        };
+        flight.received.iter().filter_map(mode).collect()
+    };
+    let heartbeats = |flight: &Loop| {
+        flight.received.iter().filter(|m| matches!(m, MavMessage::HEARTBEAT(_))).count()
+    };
+    flight.command(interval, [0.0, 33_333.0, 0.0]);
+    flight.received.clear();
+    flight.run(10.0);
+    assert_eq!((modes(&flight).len(), heartbeats(&flight)), (5, 10), "the defaults");
+    assert_eq!(flight.command(interval, [436.0, 20_000.0, 0.0]), [ACCEPTED]);
+    flight.received.clear();
+    flight.run(10.0);
+    let n_modes = modes(&flight).len();
+    assert!(n_modes.abs_diff(20) <= 1, "published twice a second while nothing changes: {n_modes}");
+    assert_eq!(heartbeats(&flight), 10);
+    flight.received.clear();
+    flight.stub.pilot_switches_to(Px4Mode::Stabilized);
+    flight.run(0.025);
+    assert_eq!(modes(&flight).last(), Some(&(0x0007_0000, 0x0007_0000)));
+}
+
+/// External vision's bits: 1 horizontal, 2 vertical, 4 velocity, 8 heading.
+#[test]
+fn without_a_heading_no_place_is_taken_and_a_compass_gives_a_wrong_one() {
+    // The vehicle stands 0.4 rad to the left of the hall's x axis.
+    let of = |changes: &[(&str, i32)]| {
+        let mut params = ParamTable::indoor();
+        for (name, value) in changes {
+            assert!(params.set(name, ParamValue::Int(*value)), "{name}");
+        }
+        let mut flight = Loop::new(params, 7);
+        flight.run(10.0);
+        let (hall_from_body, _) = flight.stub.believed_motion();
+        (flight.stub.is_position_valid(), hall_from_body.rotation.yaw_rad())
+    };
+    let (is_valid, yaw_rad) = of(&[]);
+    assert!(is_valid && (yaw_rad - 0.4).abs() < 0.02, "{yaw_rad}");
+    let (is_valid, _) = of(&[("EKF2_EV_CTRL", 7)]);
+    assert!(!is_valid, "yaw is never aligned");
+    // The hall's x axis points 0.7 rad east of magnetic north, and nobody has told the autopilot.
+    let (is_valid, yaw_rad) = of(&[("EKF2_EV_CTRL", 7), ("EKF2_MAG_TYPE", 0), ("SYS_HAS_MAG", 1)]);
+    assert!(is_valid && (yaw_rad - (0.4 - 0.7)).abs() < 0.02, "{yaw_rad}");
+    // Vision's heading displaces it.
+    let (is_valid, yaw_rad) = of(&[("EKF2_MAG_TYPE", 0), ("SYS_HAS_MAG", 1)]);
+    assert!(is_valid && (yaw_rad - 0.4).abs() < 0.02, "{yaw_rad}");
 }
 
 #[test]

@@ -29,6 +29,11 @@ fn an_origin_at_an_altitude_does_not_make_px4_climb_away() {
 }
 
 #[test]
+fn a_vehicle_that_hears_nothing_is_not_led_far_ahead_afterwards() {
+    passes(34);
+}
+
+#[test]
 fn no_setpoint_reaches_ardupilot_on_the_ground() {
     passes(105);
 }

@@ -12,6 +12,7 @@ mod merge;
 mod mode_switch;
 mod paper;
 mod parallel;
+mod serial_line;
 mod support;
 mod survey;
 mod tracking;

@@ -9,7 +9,7 @@ use stockpilot::mission::Phase;
 use stockpilot::pilot::{Action, PhaseChange};
 use stockpilot::record::{LogHeader, Recorder};
 use stockpilot::time::{Mono, Stamp};
-use stockpilot_sim::autopilot::Flavour;
+use stockpilot_sim::autopilot::{Flavour, StubAutopilot};
 use stockpilot_sim::camera::CameraModel;
 use stockpilot_sim::campaign::{DirectFlight, Witnessed};
 use stockpilot_sim::scenario::{Conditions, Lidar, Planner, Scenario, Surface};
@@ -101,7 +101,17 @@ impl Flight {
 
     /// The same under either autopilot.
     pub(crate) fn in_survey_of(autopilot: Flavour, seed: u64) -> Self {
+        Self::in_survey_with(autopilot, seed, |_| {})
+    }
+
+    /// The same with something done to the autopilot before the start.
+    pub(crate) fn in_survey_with(
+        autopilot: Flavour,
+        seed: u64,
+        change: impl FnOnce(&mut StubAutopilot),
+    ) -> Self {
         let mut flight = Self::new(&Scenario { autopilot, ..short_survey(seed, 30) });
+        change(flight.direct.rig.autopilot_mut());
         let is_there = flight.run_until(60.0, |f| f.phase() == Phase::Survey);
         assert!(is_there, "no survey: {:?} {:?}", flight.seen.changes, flight.direct.texts());
         flight.run(3.0);

@@ -2,8 +2,9 @@
 //!
 //! Source: `ArduCopter` `mode.h`, `AP_VisualOdom_MAV.cpp`; observed on 4.7.0-dev of July 2025.
 
-use super::{WireCommand, arm_disarm, set_mode};
+use super::{ModeStream, WireCommand, arm_disarm, set_mode};
 use crate::messages::{FlightMode, TAKE_OFF_HEIGHT_M, VehicleCommand};
+use mavlink::MessageData;
 use mavlink::dialects::ardupilotmega::{HEARTBEAT_DATA, MavCmd, MavModeFlag, MavType};
 
 const STABILIZE: u32 = 0;
@@ -45,12 +46,21 @@ pub(super) const fn is_copter(heartbeat: &HEARTBEAT_DATA) -> bool {
     )
 }
 
-/// Who steers; LOITER is the pilot's here, since sticks move the vehicle in it.
+/// A change of mode: a heartbeat leaves at once, and more often for the one that is lost.
+pub(super) const MODE_STREAM: ModeStream =
+    ModeStream { message_id: HEARTBEAT_DATA::ID, rate_hz: 30.0, least_hz: 15.0 };
+
+/// Who steers.
 pub(super) fn flight_mode(heartbeat: &HEARTBEAT_DATA) -> FlightMode {
     if !heartbeat.base_mode.contains(MavModeFlag::MAV_MODE_FLAG_CUSTOM_MODE_ENABLED) {
         return FlightMode::Other(heartbeat.custom_mode);
     }
-    match heartbeat.custom_mode {
+    mode_numbered(heartbeat.custom_mode)
+}
+
+/// Who steers; LOITER is the pilot's here, since sticks move the vehicle in it.
+pub(super) const fn mode_numbered(custom_mode: u32) -> FlightMode {
+    match custom_mode {
         GUIDED => FlightMode::Companion,
         STABILIZE | ACRO | ALT_HOLD | LOITER | DRIFT | SPORT | POSHOLD | FLOWHOLD => {
             FlightMode::Pilot

@@ -2,8 +2,10 @@
 //!
 //! Source: PX4 v1.16 `px4_custom_mode.h`; observed on v1.16.1.
 
-use super::{WireCommand, arm_disarm, set_mode};
+use super::{ModeStream, WireCommand, arm_disarm, set_mode};
 use crate::messages::{FlightMode, VehicleCommand};
+use mavlink::MessageData;
+use mavlink::dialects::ardupilotmega as wire;
 use mavlink::dialects::ardupilotmega::{HEARTBEAT_DATA, MavModeFlag};
 use std::time::Duration;
 
@@ -23,13 +25,45 @@ const AUTO_LAND: u8 = 6;
 /// tens of milliseconds.
 const SECOND_ANSWER_WITHIN: Duration = Duration::from_millis(300);
 
-/// Who steers; `custom_mode` = main mode << 16 | sub mode << 24.
+/// A change of mode.
+///
+/// `MavlinkReceiver::set_message_interval` refuses every other rate for HEARTBEAT than its 1 Hz.
+/// `CURRENT_MODE` (from v1.15 on) leaves with each update of `vehicle_status`, which the commander
+/// publishes at every change and otherwise twice a second; what is asked for bounds it from above.
+/// The default of 0.5 Hz would let it come once in two seconds.
+pub(super) const MODE_STREAM: ModeStream =
+    ModeStream { message_id: wire::CURRENT_MODE_DATA::ID, rate_hz: 50.0, least_hz: 1.0 };
+
+/// Streams of the Onboard mode, by what they take: `ATTITUDE` alone 4 kB/s.
+///
+/// Source: PX4 v1.16 `Mavlink::configure_streams_to_default`.
+pub(super) const UNWANTED: [u32; 13] = [
+    wire::ATTITUDE_DATA::ID,
+    wire::ODOMETRY_DATA::ID,
+    wire::GLOBAL_POSITION_INT_DATA::ID,
+    wire::ATTITUDE_TARGET_DATA::ID,
+    wire::POSITION_TARGET_LOCAL_NED_DATA::ID,
+    wire::POSITION_TARGET_GLOBAL_INT_DATA::ID,
+    wire::RC_CHANNELS_DATA::ID,
+    wire::SERVO_OUTPUT_RAW_DATA::ID,
+    wire::ALTITUDE_DATA::ID,
+    wire::VFR_HUD_DATA::ID,
+    wire::DISTANCE_SENSOR_DATA::ID,
+    wire::NAV_CONTROLLER_OUTPUT_DATA::ID,
+    wire::OPTICAL_FLOW_RAD_DATA::ID,
+];
+
+/// Who steers.
 pub(super) fn flight_mode(heartbeat: &HEARTBEAT_DATA) -> FlightMode {
-    let other = FlightMode::Other(heartbeat.custom_mode);
     if !heartbeat.base_mode.contains(MavModeFlag::MAV_MODE_FLAG_CUSTOM_MODE_ENABLED) {
-        return other;
+        return FlightMode::Other(heartbeat.custom_mode);
     }
-    let [_, _, main, sub] = heartbeat.custom_mode.to_le_bytes();
+    mode_numbered(heartbeat.custom_mode)
+}
+
+/// Who steers; `custom_mode` = main mode << 16 | sub mode << 24.
+pub(super) const fn mode_numbered(custom_mode: u32) -> FlightMode {
+    let [_, _, main, sub] = custom_mode.to_le_bytes();
     match (main, sub) {
         (MAIN_MANUAL | MAIN_ALTCTL | MAIN_POSCTL | MAIN_ACRO | MAIN_STABILIZED, _) => {
             FlightMode::Pilot
@@ -39,7 +73,7 @@ pub(super) fn flight_mode(heartbeat: &HEARTBEAT_DATA) -> FlightMode {
         (MAIN_AUTO, AUTO_LOITER) => FlightMode::Hold,
         (MAIN_AUTO, AUTO_RTL) => FlightMode::Return,
         (MAIN_AUTO, AUTO_LAND) => FlightMode::Land,
-        _ => other,
+        _ => FlightMode::Other(custom_mode),
     }
 }
 

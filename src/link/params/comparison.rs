@@ -1,6 +1,6 @@
 //! What a file wants beside what an autopilot has.
 
-use super::file::Line;
+use super::file::{Demand, Line};
 use super::value::{Kind, Value};
 use std::fmt;
 
@@ -28,6 +28,8 @@ pub enum Problem {
     DoesNotFit,
     /// The value differs.
     Differs,
+    /// None of the parameters that can do it is set: they are the owner's to choose.
+    NotChosen,
     /// The value is the wanted one, written by a tool that does not know the encoding.
     WrongEncoding,
 }
@@ -39,6 +41,7 @@ impl fmt::Display for Problem {
             Self::OtherType => "of another type on the autopilot: another firmware or version",
             Self::DoesNotFit => "the wanted value does not fit the autopilot's type",
             Self::Differs => "differs",
+            Self::NotChosen => "not chosen yet: the file's page says how",
             Self::WrongEncoding => {
                 "differs: written by a tool that mixes up numbers and their bits"
             }
@@ -54,6 +57,28 @@ pub fn compare(line: &Line, found: Option<(Kind, Value)>) -> Comparison {
         wanted: line.text.clone(),
         found,
         problem: problem(line, found),
+    }
+}
+
+/// Judges a demand by what the autopilot has under its names, in their order.
+#[must_use]
+pub fn compare_demand(demand: &Demand, found: &[Option<(Kind, Value)>]) -> Comparison {
+    let is_above = |value: &Option<(Kind, Value)>| {
+        value.is_some_and(|(_, value)| value.as_f64() > f64::from(demand.above))
+    };
+    // The one that holds is told, otherwise the first that is there.
+    let told = found.iter().find(|value| is_above(value));
+    let told = told.or_else(|| found.iter().find(|value| value.is_some())).copied().flatten();
+    let problem = match told {
+        None => Some(Problem::Unknown),
+        told if is_above(&told) => None,
+        Some(_) => Some(Problem::NotChosen),
+    };
+    Comparison {
+        name: demand.names.join(" or "),
+        wanted: format!("above {}", demand.above),
+        found: told,
+        problem,
     }
 }
 

@@ -3,9 +3,14 @@
 //! `.params` of QGroundControl has vehicle, component, name, value and type between tabs; `.parm`
 //! of Mission Planner and MAVProxy has name and value, between blanks or a comma, and no type: it
 //! is taken from the autopilot. `#` begins a comment in both.
+//!
+//! Some values are the owner's to choose, by his battery, but must be chosen: a comment of the form
+//! `# demand BATT_CRT_VOLT or BATT_CRT_MAH above 0` asks for one of them. Other programs pass over it.
 
 use super::value::{Kind, Value};
 
+/// How a demand begins.
+const DEMAND: &str = "# demand ";
 /// Letters in a parameter's name.
 const NAME_LETTERS: usize = 16;
 
@@ -25,6 +30,17 @@ pub struct Line {
 pub struct ParamFile {
     /// Its parameters, in the file's order; each name once.
     pub lines: Vec<Line>,
+    /// What it asks of parameters whose values it leaves open.
+    pub demands: Vec<Demand>,
+}
+
+/// One of these parameters must be larger than a number.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Demand {
+    /// The parameters; at least one.
+    pub names: Vec<String>,
+    /// The number.
+    pub above: f32,
 }
 
 /// What is wrong with a file.
@@ -49,6 +65,14 @@ pub enum FileError {
     /// There is no parameter in it.
     #[error("the file holds no parameter")]
     Empty,
+    /// A demand that cannot be understood would never be checked.
+    #[error("line {line}: {text:?} is no demand: # demand NAME or NAME above NUMBER")]
+    Demand {
+        /// Counted from 1.
+        line: usize,
+        /// What stands there.
+        text: String,
+    },
 }
 
 impl ParamFile {
@@ -58,12 +82,17 @@ impl ParamFile {
     /// The first line that cannot be understood, a name that stands twice, or an empty file.
     pub fn parse(text: &str) -> Result<Self, FileError> {
         let mut lines: Vec<Line> = Vec::new();
+        let mut demands = Vec::new();
         for (index, row) in text.lines().enumerate() {
+            let number = index + 1;
+            if let Some(demand) = row.trim().strip_prefix(DEMAND) {
+                let no_demand = || FileError::Demand { line: number, text: row.to_owned() };
+                demands.push(parse_demand(demand).ok_or_else(no_demand)?);
+            }
             let row = row.split('#').next().unwrap_or("").trim();
             if row.is_empty() {
                 continue;
             }
-            let number = index + 1;
             let line = parse_line(row)
                 .ok_or_else(|| FileError::Line { line: number, text: row.to_owned() })?;
             if lines.iter().any(|other| other.name == line.name) {
@@ -71,7 +100,7 @@ impl ParamFile {
             }
             lines.push(line);
         }
-        if lines.is_empty() { Err(FileError::Empty) } else { Ok(Self { lines }) }
+        if lines.is_empty() { Err(FileError::Empty) } else { Ok(Self { lines, demands }) }
     }
 }
 
@@ -82,11 +111,21 @@ fn parse_line(row: &str) -> Option<Line> {
         [name, text] => (name, text, None),
         _ => return None,
     };
-    let is_name = name.len() <= NAME_LETTERS
-        && name.chars().all(|c| c.is_ascii_uppercase() || c.is_ascii_digit() || c == '_');
     // Without a type any finite number will do for now.
     Value::parse(text, kind.unwrap_or(Kind::Real32))?;
-    is_name.then(|| Line { name: name.to_owned(), text: text.to_owned(), kind })
+    is_name(name).then(|| Line { name: name.to_owned(), text: text.to_owned(), kind })
+}
+
+fn parse_demand(text: &str) -> Option<Demand> {
+    let (names, above) = text.split_once(" above ")?;
+    let names: Vec<String> = names.split(" or ").map(|name| name.trim().to_owned()).collect();
+    let above = above.trim().parse().ok().filter(|above: &f32| above.is_finite())?;
+    names.iter().all(|name| is_name(name)).then_some(Demand { names, above })
+}
+
+fn is_name(name: &str) -> bool {
+    (1..=NAME_LETTERS).contains(&name.len())
+        && name.chars().all(|c| c.is_ascii_uppercase() || c.is_ascii_digit() || c == '_')
 }
 
 #[cfg(test)]
@@ -111,6 +150,16 @@ mod tests {
     }
 
     #[test]
+    fn what_is_the_owners_to_choose_is_demanded() {
+        let text = "# demand BATT_CRT_VOLT or BATT_CRT_MAH above 0\nVISO_TYPE 1\n";
+        let file = ParamFile::parse(text).unwrap();
+        assert_eq!(file.lines.len(), 1);
+        assert_eq!(file.demands.len(), 1);
+        assert_eq!(file.demands[0].names, ["BATT_CRT_VOLT", "BATT_CRT_MAH"]);
+        assert!(file.demands[0].above.abs() < f32::EPSILON);
+    }
+
+    #[test]
     fn damaged_files_name_the_line() {
         for (text, word) in [
             ("A 1\nB", "line 2"),
@@ -121,6 +170,9 @@ mod tests {
             ("1\t1\tA\t1\t7", "line 1"),
             ("ABCDEFGHIJKLMNOPQ 1", "line 1"),
             ("# only this", "no parameter"),
+            ("A 1\n# demand B at least 1", "line 2"),
+            ("# demand b above 1\nA 1", "is no demand"),
+            ("# demand B above none\nA 1", "is no demand"),
         ] {
             let error = ParamFile::parse(text).unwrap_err().to_string();
             assert!(error.contains(word), "{text:?}: {error}");

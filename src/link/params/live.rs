@@ -1,6 +1,6 @@
 //! An autopilot on the other end of a link, for tools.
 
-use super::comparison::{Comparison, compare};
+use super::comparison::{Comparison, compare, compare_demand};
 use super::exchange::{Exchange, Outcome};
 use super::file::ParamFile;
 use super::value::{Encoding, Kind, Value};
@@ -112,7 +112,7 @@ impl<T: Timer> LiveAutopilot<T> {
         self.work_off(Exchange::read(self.system, self.encoding, names)).await
     }
 
-    /// Every line of a file beside what the autopilot has.
+    /// Every line and demand of a file beside what the autopilot has.
     ///
     /// # Errors
     /// [`LiveError::Ended`], and [`LiveError::Mute`] if it answers not a single one.
@@ -123,7 +123,14 @@ impl<T: Timer> LiveAutopilot<T> {
             return Err(LiveError::Mute { n_asked: names.len() });
         }
         let pairs = std::iter::zip(&file.lines, outcomes);
-        Ok(pairs.map(|(line, outcome)| compare(line, outcome.found)).collect())
+        let mut comparisons: Vec<_> =
+            pairs.map(|(line, outcome)| compare(line, outcome.found)).collect();
+        for demand in &file.demands {
+            let outcomes = self.read(&demand.names).await?;
+            let found: Vec<_> = outcomes.iter().map(|outcome| outcome.found).collect();
+            comparisons.push(compare_demand(demand, &found));
+        }
+        Ok(comparisons)
     }
 
     /// Writes values of the autopilot's own types, and says what it has afterwards.

@@ -88,6 +88,15 @@ pub enum Value {
 }
 
 impl Value {
+    /// The number.
+    #[must_use]
+    pub fn as_f64(self) -> f64 {
+        match self {
+            Self::Whole(value) => f64::from(value),
+            Self::Real(value) => f64::from(value),
+        }
+    }
+
     /// The number in a text, as a value of this type; `None` if it is none, or does not fit.
     #[must_use]
     pub fn parse(text: &str, kind: Kind) -> Option<Self> {

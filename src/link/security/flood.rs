@@ -17,6 +17,8 @@ const BURST_S: f64 = 1.0;
 const MAX_SENDERS: usize = 32;
 /// Stands for those without a bucket of their own; MAVLink has no system 0.
 const THE_REST: (u32, u8) = (0, 0);
+/// Autopilots beyond those with a bucket of their own share one too, as wide as one needs.
+const OTHER_AUTOPILOTS: (u32, u8) = (0, AUTOPILOT_COMPONENT);
 
 /// The buckets.
 #[derive(Debug, Default)]
@@ -33,9 +35,14 @@ struct Bucket {
 impl FloodLimit {
     /// True if the message counts as heard.
     pub(super) fn takes(&mut self, system: u32, component: u8, now: Stamp<Mono>) -> bool {
-        let sender = (system, component);
-        let has_place = self.buckets.contains_key(&sender) || self.buckets.len() < MAX_SENDERS;
-        let sender = if has_place { sender } else { THE_REST };
+        let mut sender = (system, component);
+        if !self.buckets.contains_key(&sender) && self.buckets.len() >= MAX_SENDERS {
+            self.forget_the_quiet(now);
+        }
+        if !self.buckets.contains_key(&sender) && self.buckets.len() >= MAX_SENDERS {
+            let is_autopilot = component == AUTOPILOT_COMPONENT;
+            sender = if is_autopilot { OTHER_AUTOPILOTS } else { THE_REST };
+        }
         let rate_hz = if sender.1 == AUTOPILOT_COMPONENT { AUTOPILOT_HZ } else { OTHERS_HZ };
         let full = rate_hz * BURST_S;
         let bucket = self.buckets.entry(sender).or_insert(Bucket { tokens: full, filled_at: now });
@@ -47,6 +54,12 @@ impl FloodLimit {
             bucket.tokens -= 1.0;
         }
         is_taken
+    }
+
+    /// Who has been silent until his bucket was full again is as good as new: names that came once do
+    /// not keep the room of those that speak.
+    fn forget_the_quiet(&mut self, now: Stamp<Mono>) {
+        self.buckets.retain(|_, bucket| now.seconds_since(bucket.filled_at) < BURST_S);
     }
 }
 
@@ -83,7 +96,28 @@ mod tests {
         }
         // The first ones have a bucket each; the rest share 200 tokens.
         assert!(taken < 250, "{taken}");
-        assert!(limit.buckets.len() <= MAX_SENDERS + 1);
+        assert!(limit.buckets.len() <= MAX_SENDERS + 2);
+    }
+
+    #[test]
+    fn names_that_spoke_once_do_not_lock_the_autopilot_out() {
+        let mut limit = FloodLimit::default();
+        for system in 100..140 {
+            limit.takes(system, AUTOPILOT_COMPONENT, Stamp::ZERO);
+        }
+        // All its streams from the very instant on, while the strangers go on twice a second.
+        let mut n_refused = 0;
+        for k in 0..40_000_u32 {
+            let now = Stamp::from_nanos(i64::from(k) * 1_000_000);
+            n_refused += u32::from(!limit.takes(1, AUTOPILOT_COMPONENT, now));
+            if k % 500 == 0 {
+                (100..140).for_each(|system| {
+                    limit.takes(system, AUTOPILOT_COMPONENT, now);
+                });
+            }
+        }
+        assert_eq!(n_refused, 0);
+        assert!(limit.buckets.len() <= MAX_SENDERS + 2);
     }
 
     #[test]

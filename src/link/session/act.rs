@@ -51,6 +51,12 @@ impl Session {
         self.count_sent(sent_before, out);
     }
 
+    /// True while a command to the autopilot is under way.
+    #[must_use]
+    pub const fn awaits_answers(&self) -> bool {
+        self.commands.are_under_way()
+    }
+
     /// What to answer the own page for what the mission says; see `OperatorDesk::answer`.
     pub fn own_answer(&mut self, answer: &OperatorAnswer, now: Stamp<Mono>) -> bool {
         self.operators.answer(answer, now)

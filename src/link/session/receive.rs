@@ -1,7 +1,7 @@
 //! Messages from the autopilot and from people.
 
 use super::act::operator_ack;
-use super::{Autopilot, RIVAL_REMEMBERED_FOR, Session, SessionOutput};
+use super::{Autopilot, MODE_NEWS_EVERY, RIVAL_REMEMBERED_FOR, Session, SessionOutput};
 use crate::link::dialect::Dialect;
 use crate::link::{AUTOPILOT_COMPONENT, OWN_COMPONENT, PAGE, inbound};
 use crate::messages::{
@@ -13,7 +13,7 @@ use mavlink::dialects::ardupilotmega::{
     COMMAND_ACK_DATA, GPS_GLOBAL_ORIGIN_DATA, HEARTBEAT_DATA, MavAutopilot, MavCmd, MavMessage,
     MavResult,
 };
-use mavlink::{MavHeader, Message as _};
+use mavlink::{MavHeader, Message as _, MessageData as _};
 
 /// True for the heartbeat of an autopilot that is spoken here.
 pub(crate) fn is_known_autopilot(header: &MavHeader, data: &HEARTBEAT_DATA) -> bool {
@@ -110,6 +110,7 @@ impl Session {
             MavMessage::TIMESYNC(data) => self.timesync_in(data, arrived, out),
             MavMessage::LOCAL_POSITION_NED(data) => self.position(data, arrived, out),
             MavMessage::ATTITUDE_QUATERNION(data) => self.attitude(data, arrived),
+            MavMessage::CURRENT_MODE(data) => self.current_mode(data.custom_mode, arrived, out),
             MavMessage::EXTENDED_SYS_STATE(data) => {
                 self.landed(inbound::landed_state(data.landed_state), arrived, out);
             }
@@ -144,6 +145,7 @@ impl Session {
             (None, Some(dialect)) => {
                 let state = dialect.vehicle_state(data, LandedState::Unknown, arrived);
                 self.autopilot = Some(Autopilot::new(system, dialect, state));
+                self.streams.speak(dialect);
             }
             (Some(autopilot), Some(dialect))
                 if autopilot.system == system && autopilot.dialect == dialect =>
@@ -163,7 +165,23 @@ impl Session {
             }
         }
         self.stats.messages_in += 1;
+        self.streams.on_arrival(HEARTBEAT_DATA::ID);
         out.events.extend(self.autopilot.as_ref().map(|a| Event::Vehicle(a.state)));
+    }
+
+    /// The mode between two heartbeats; a change is told at once. Whichever of the two came last
+    /// counts: both are filled when they leave.
+    fn current_mode(&mut self, custom_mode: u32, arrived: Stamp<Mono>, out: &mut SessionOutput) {
+        let Some(autopilot) = &mut self.autopilot else { return };
+        let mode = autopilot.dialect.mode_numbered(custom_mode);
+        let is_prompt = autopilot.tells_mode_at_once(arrived);
+        autopilot.mode_heard_at = Some(arrived);
+        let state = &mut autopilot.state;
+        // Whether a silent autopilot is back is for its heartbeat to say.
+        if !autopilot.is_lost && (state.mode, state.is_mode_prompt) != (mode, is_prompt) {
+            (state.mode, state.is_mode_prompt, state.at) = (mode, is_prompt, arrived);
+            out.events.push(Event::Vehicle(*state));
+        }
     }
 
     /// Somebody has set an origin: put it level where its altitude is a danger, and say so.
@@ -255,9 +273,15 @@ impl Session {
 }
 
 impl Autopilot {
+    fn tells_mode_at_once(&self, now: Stamp<Mono>) -> bool {
+        self.dialect.heartbeat_tells_mode()
+            || self.mode_heard_at.is_some_and(|at| now.since(at) < MODE_NEWS_EVERY)
+    }
+
     /// Takes in the next heartbeat.
     fn follow(&mut self, data: &HEARTBEAT_DATA, arrived: Stamp<Mono>) {
         self.state = self.dialect.vehicle_state(data, self.state.landed, arrived);
+        self.state.is_mode_prompt = self.tells_mode_at_once(arrived);
         self.state.is_contested =
             self.rival_heard_at.is_some_and(|at| arrived.since(at) < RIVAL_REMEMBERED_FOR);
         self.heard_at = arrived;

@@ -1,7 +1,8 @@
 //! Samples of the autopilot on this computer's clock, and the talk that compares the clocks.
 
 use super::origin::Origin;
-use super::{Session, SessionOutput};
+use super::{HeardAttitude, Session, SessionOutput};
+use crate::geometry::{Body, Hall, Rotation};
 use crate::link::autopilot_clock::ClockSample;
 use crate::link::{AUTOPILOT_COMPONENT, inbound};
 use crate::messages::{AutopilotPose, BatterySample, ImuSample};
@@ -19,6 +20,18 @@ const MAX_STAMP_AGE: Duration = Duration::from_secs(1);
 const MAX_STAMP_AHEAD: Duration = Duration::from_millis(20);
 /// An attitude older than this does not belong to a position.
 const MAX_ATTITUDE_AGE: Duration = Duration::from_millis(250);
+
+impl HeardAttitude {
+    /// The attitude at the instant of another message; `None` if that is too far away.
+    ///
+    /// Both come ten times a second, each in its own rhythm: in a turn of 1 rad/s they would be 6°
+    /// apart by that alone.
+    fn turned_to(&self, at: Stamp<Mono>) -> Option<Rotation<Hall, Body>> {
+        let later_s = at.seconds_since(self.at);
+        let is_near = later_s.abs() <= MAX_ATTITUDE_AGE.as_secs_f64();
+        is_near.then(|| self.rotation.perturbed(&(self.rate_radps * later_s)))
+    }
+}
 
 impl Session {
     pub(super) fn battery(&mut self, sample: Option<BatterySample>, out: &mut SessionOutput) {
@@ -65,16 +78,20 @@ impl Session {
         let boot = self.clock.boot_from_millis(data.time_boot_ms);
         let Some(at) = self.stamp(boot, arrived) else { return };
         let attitude = self.autopilot.as_ref().and_then(|autopilot| autopilot.attitude);
-        let hall_from_body_rot =
-            attitude.filter(|(heard, _)| arrived.since(*heard) <= MAX_ATTITUDE_AGE).map(|a| a.1);
+        let hall_from_body_rot = attitude.and_then(|attitude| attitude.turned_to(at));
         let pose = AutopilotPose { at, position, velocity_mps, hall_from_body_rot };
         out.events.push(Event::AutopilotPose(pose));
     }
 
     pub(super) fn attitude(&mut self, data: &ATTITUDE_QUATERNION_DATA, arrived: Stamp<Mono>) {
-        match (inbound::attitude(data), &mut self.autopilot) {
-            (Some(rotation), Some(autopilot)) => autopilot.attitude = Some((arrived, rotation)),
-            _ => self.stats.refused_values += 1,
+        let Some((rotation, rate_radps)) = inbound::attitude(data) else {
+            self.stats.refused_values += 1;
+            return;
+        };
+        let boot = self.clock.boot_from_millis(data.time_boot_ms);
+        let Some(at) = self.stamp(boot, arrived) else { return };
+        if let Some(autopilot) = &mut self.autopilot {
+            autopilot.attitude = Some(HeardAttitude { at, rotation, rate_radps });
         }
     }
 
@@ -106,6 +123,7 @@ impl Session {
             autopilot.origin = Origin::new();
             autopilot.attitude = None;
             autopilot.has_battery_status = false;
+            autopilot.mode_heard_at = None;
         }
         out.events.push(Event::AutopilotRebooted(now));
     }

@@ -40,7 +40,11 @@ struct Scene {
 
 impl Scene {
     fn new() -> Self {
-        let address: Address = "udpin:127.0.0.1:0".parse().unwrap();
+        Self::at("udpin:127.0.0.1:0")
+    }
+
+    fn at(address: &str) -> Self {
+        let address: Address = address.parse().unwrap();
         Self { session: Session::new(Settings::new(address)), out: SessionOutput::default() }
     }
 

@@ -20,7 +20,9 @@ fn inputs(seconds: f64) -> Inputs {
         heading_error_rad: Some(0.1),
         position_sigma_m: Some(0.02),
         disagreement_m: Some(0.05),
+        heading_disagreement_rad: Some(-0.03),
         intrusion_m: 0.0,
+        off_track_m: 0.0,
         way_home_ratio: None,
         height_over_home_m: Some(0.0),
         is_trajectory_over: false,
@@ -38,6 +40,7 @@ fn vehicle(is_armed: bool, mode: FlightMode, landed: LandedState) -> VehicleStat
         in_failsafe: false,
         is_ready: true,
         is_contested: false,
+        is_mode_prompt: true,
         takes_off: TakeOff::BySetpoints,
     }
 }
@@ -220,7 +223,9 @@ fn a_hold_on_the_way_home_is_kept_in_spite_of_a_low_battery() {
     assert!(mission.on_operator(OperatorVerb::Hold, &low(21.0), &mut effects));
     mission.step(&low(40.0), &mut effects);
     assert_eq!(mission.phase(), Phase::Hold);
-    mission.step(&Inputs { battery_ratio: Some(0.1), ..flying(41.0) }, &mut effects);
+    for seconds in [41.0, 43.6] {
+        mission.step(&Inputs { battery_ratio: Some(0.1), ..flying(seconds) }, &mut effects);
+    }
     assert_eq!(mission.phase(), Phase::Land);
 }
 
@@ -256,8 +261,84 @@ fn low_battery_returns_and_empty_battery_lands() {
     let mut effects = Vec::new();
     mission.step(&Inputs { battery_ratio: Some(0.2), ..flying(20.0) }, &mut effects);
     assert_eq!(mission.phase(), Phase::Return);
-    mission.step(&Inputs { battery_ratio: Some(0.1), ..flying(25.0) }, &mut effects);
+    let told = |seconds, ratio| Inputs { battery_ratio: Some(ratio), ..flying(seconds) };
+    // One wild word, and a battery that is seldom heard of, land nobody.
+    for (seconds, ratio) in [(25.0, 0.0), (26.9, 0.0), (27.0, 0.2), (29.0, 0.1), (31.4, 0.1)] {
+        mission.step(&told(seconds, ratio), &mut effects);
+        assert_eq!(mission.phase(), Phase::Return, "{seconds}");
+    }
+    mission.step(&told(31.6, 0.1), &mut effects);
     assert_eq!(mission.phase(), Phase::Land);
+}
+
+#[test]
+fn a_vehicle_that_does_not_follow_holds_where_it_is_and_lands_the_third_time() {
+    let mut mission = surveying();
+    let mut effects = Vec::new();
+    let off = |seconds, off_track_m| Inputs { off_track_m, ..flying(seconds) };
+    // A gust is no reason.
+    mission.step(&off(20.0, 1.5), &mut effects);
+    mission.step(&off(20.2, 0.9), &mut effects);
+    mission.step(&off(20.4, 1.5), &mut effects);
+    assert_eq!(mission.phase(), Phase::Survey);
+    for began in [30.0, 40.0] {
+        mission.step(&off(began, 1.5), &mut effects);
+        mission.step(&off(began + 0.31, 2.5), &mut effects);
+        assert_eq!(mission.phase(), Phase::Hold);
+        mission.step(&off(began + 0.5, 2.5), &mut effects);
+        mission.step(&off(began + 2.0, 2.5), &mut effects);
+        assert_eq!(mission.phase(), Phase::Hold, "not while it is off");
+        mission.step(&flying(began + 3.0), &mut effects);
+        mission.step(&flying(began + 4.1), &mut effects);
+        assert_eq!(mission.phase(), Phase::Survey);
+    }
+    mission.step(&off(50.0, 1.5), &mut effects);
+    mission.step(&off(50.31, 1.5), &mut effects);
+    assert_eq!(mission.phase(), Phase::Land);
+}
+
+#[test]
+fn whoever_takes_the_vehicle_out_of_a_landing_has_it() {
+    let landing = |seconds, mode, landed| Inputs {
+        vehicle: Some(vehicle(true, mode, landed)),
+        ..inputs(seconds)
+    };
+    use FlightMode::{Companion, Hold, Land, Other, Pilot, Return};
+    use LandedState::{InAir, OnGround};
+    for mode in [Companion, Hold, Return, Pilot, Other(7)] {
+        let mut mission = surveying();
+        let mut effects = Vec::new();
+        assert!(mission.on_operator(OperatorVerb::Land, &flying(20.0), &mut effects));
+        mission.step(&landing(20.1, Companion, InAir), &mut effects);
+        mission.step(&landing(20.5, Land, InAir), &mut effects);
+        assert_eq!(mission.phase(), Phase::Land);
+        effects.clear();
+        mission.step(&landing(21.0, mode, InAir), &mut effects);
+        assert_eq!(mission.phase(), Phase::Abort, "{mode:?}");
+        (22..30).for_each(|s| mission.step(&landing(s.into(), mode, InAir), &mut effects));
+        assert!(!effects.iter().any(|e| matches!(e, Effect::Command(_))), "{effects:?}");
+    }
+    // Also before the landing has begun; but what PX4 does on the ground is its own affair.
+    for (mode, landed, phase) in [(Hold, InAir, Phase::Abort), (Hold, OnGround, Phase::Land)] {
+        let mut mission = surveying();
+        let mut effects = Vec::new();
+        assert!(mission.on_operator(OperatorVerb::Land, &flying(20.0), &mut effects));
+        mission.step(&landing(20.3, mode, landed), &mut effects);
+        assert_eq!(mission.phase(), phase);
+    }
+}
+
+#[test]
+fn a_start_called_off_while_arming_disarms() {
+    let mut mission = Mission::new(Settings::default());
+    let mut effects = Vec::new();
+    mission.on_operator(OperatorVerb::Start, &inputs(0.0), &mut effects);
+    let mut ready = inputs(4.0);
+    ready.vehicle = Some(vehicle(false, FlightMode::Companion, LandedState::OnGround));
+    mission.step(&ready, &mut effects);
+    assert_eq!(effects.last(), Some(&Effect::Command(VehicleCommand::Arm)));
+    assert!(mission.on_operator(OperatorVerb::Hold, &ready, &mut effects));
+    assert_eq!(effects.last(), Some(&Effect::Command(VehicleCommand::Disarm)));
 }
 
 #[test]
@@ -368,6 +449,74 @@ fn an_autopilot_that_believes_to_be_elsewhere_is_told_to_land() {
 }
 
 #[test]
+fn an_autopilot_that_believes_to_be_turned_is_told_to_land() {
+    let off = |seconds, degrees: f64| Inputs {
+        heading_disagreement_rad: Some(degrees.to_radians()),
+        ..flying(seconds)
+    };
+    for sign in [-1.0, 1.0] {
+        let mut mission = surveying();
+        let mut effects = Vec::new();
+        // A moment of it, and what only forbids a start, change nothing.
+        for (seconds, degrees) in
+            [(20.0, 16.0), (20.4, 16.0), (20.6, 14.0), (21.0, 16.0), (21.4, 170.0)]
+        {
+            mission.step(&off(seconds, sign * degrees), &mut effects);
+            assert_eq!(mission.phase(), Phase::Survey, "{seconds} s");
+        }
+        mission.step(&off(21.5, sign * 16.0), &mut effects);
+        assert_eq!(mission.phase(), Phase::Land);
+        assert_eq!(effects.last(), Some(&Effect::Command(VehicleCommand::EnterLand)));
+        assert!(effects.iter().any(|e| matches!(e, Effect::Say(_, t) if t.contains("16 deg off"))));
+    }
+}
+
+#[test]
+fn no_start_with_an_autopilot_that_is_turned_or_does_not_tell_its_heading() {
+    let no_start = |heading_disagreement_rad: Option<f64>| {
+        let mut idle = Mission::new(Settings::default());
+        let mut effects = Vec::new();
+        let on_ground = |seconds| Inputs { heading_disagreement_rad, ..inputs(seconds) };
+        idle.on_operator(OperatorVerb::Start, &on_ground(0.0), &mut effects);
+        idle.step(&on_ground(2.0), &mut effects);
+        let asked = effects.iter().any(|effect| matches!(effect, Effect::Command(_)));
+        idle.step(&on_ground(61.0), &mut effects);
+        let why = effects.iter().find_map(|effect| match effect {
+            Effect::Say(_, text) if text.contains("no take-off") => Some(text.clone()),
+            _ => None,
+        });
+        (asked, why.unwrap_or_default())
+    };
+    // 40°: the compass of a hall whose x axis points north-east.
+    for degrees in [-40.0_f64, 11.0] {
+        let (asked, why) = no_start(Some(degrees.to_radians()));
+        assert!(!asked && why.contains(&format!("{:.0}° off", degrees.abs())), "{why}");
+        assert!(why.contains("EKF2_EV_CTRL 15") && why.contains("EK3_SRC1_YAW 6"), "{why}");
+    }
+    let (asked, why) = no_start(None);
+    assert!(!asked && why.contains("does not tell its heading"), "{why}");
+    assert!(no_start(Some(9_f64.to_radians())).0);
+}
+
+#[test]
+fn a_mode_switch_that_is_seen_late_is_told_before_the_start() {
+    for is_mode_prompt in [true, false] {
+        let mut mission = Mission::new(Settings::default());
+        let mut effects = Vec::new();
+        let state = vehicle(false, FlightMode::Companion, LandedState::OnGround);
+        let on_ground = |seconds| Inputs {
+            vehicle: Some(VehicleState { is_mode_prompt, ..state }),
+            ..inputs(seconds)
+        };
+        mission.on_operator(OperatorVerb::Start, &on_ground(0.0), &mut effects);
+        mission.step(&on_ground(2.0), &mut effects);
+        let told = |e: &Effect| matches!(e, Effect::Say(_, t) if t.contains("seen up to 1 s late"));
+        assert_eq!(effects.iter().any(told), !is_mode_prompt, "{effects:?}");
+        assert!(effects.contains(&Effect::Command(VehicleCommand::Arm)), "it may fly");
+    }
+}
+
+#[test]
 fn too_near_to_something_holds_goes_on_when_clear_and_lands_when_not() {
     for (is_clear_again, phase) in [(true, Phase::Survey), (false, Phase::Land)] {
         let mut mission = surveying();
@@ -435,7 +584,7 @@ fn the_preflight_tells_what_it_measured() {
             _ => None,
         })
         .collect();
-    let line = "preflight: battery 90 %, position sigma 2 cm, autopilot off by 5 cm, heading off by 6 deg, LiDAR on";
+    let line = "preflight: battery 90 %, position sigma 2 cm, autopilot off by 5 cm and 2 deg, heading off by 6 deg, LiDAR on";
     assert_eq!(said, [line]);
 }
 

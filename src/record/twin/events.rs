@@ -152,6 +152,9 @@ pub(in crate::record) struct VehicleTwin {
     is_ready: bool,
     #[serde(default)]
     is_contested: bool,
+    /// Logs from before it was asked for have the mode from heartbeats at 30 Hz.
+    #[serde(default = "yes")]
+    is_mode_prompt: bool,
     #[serde(with = "TakeOffTwin", default = "by_setpoints")]
     takes_off: TakeOff,
 }

@@ -43,13 +43,14 @@ impl ApType {
 use ApType::{Int8, Int16, Int32, Real};
 
 /// Entries that the stub does not act on are there to be read and written.
-const DEFAULTS: [(&str, ApType, f32); 62] = [
+const DEFAULTS: [(&str, ApType, f32); 63] = [
     ("ANGLE_MAX", Int16, 3000.0),
     ("ARMING_CHECK", Int32, 1.0),
     ("AHRS_EKF_TYPE", Int8, 3.0),
     ("AHRS_GPS_USE", Int8, 1.0),
     ("AHRS_ORIENTATION", Int8, 0.0),
     ("BATT_CAPACITY", Int32, 3300.0),
+    ("BATT_CRT_MAH", Real, 0.0),
     ("BATT_CRT_VOLT", Real, 0.0),
     ("BATT_FS_CRT_ACT", Int8, 0.0),
     ("BATT_FS_LOW_ACT", Int8, 0.0),
@@ -110,7 +111,8 @@ const DEFAULTS: [(&str, ApType, f32); 62] = [
 
 /// What was seen to fly without GPS and without compass on ODOMETRY, and what a hall asks for: a
 /// return that does not climb into the roof, and velocity that ends soon after the companion.
-const INDOOR: [(&str, f32); 14] = [
+const INDOOR: [(&str, f32); 15] = [
+    ("BATT_CRT_VOLT", 14.0),
     ("COMPASS_ENABLE", 0.0),
     ("EK3_SRC1_POSXY", 6.0),
     ("EK3_SRC1_POSZ", 6.0),

@@ -177,7 +177,10 @@ impl StubArduPilot {
                 Link::Ground => &mut self.ground_streams,
             };
             let mut due = Vec::with_capacity(telemetry::N_STREAMS);
-            streams.poll(self.now, |id| due.push(id));
+            streams.poll(self.now, |id| {
+                due.push(id);
+                true
+            });
             for message in due.into_iter().filter_map(|id| self.message(id)).collect::<Vec<_>>() {
                 self.outbox.send(link, message);
             }

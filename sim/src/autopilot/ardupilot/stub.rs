@@ -158,6 +158,7 @@ impl StubArduPilot {
             accel_mps2: self.accel_frd_mps2,
             gyro_radps: self.gyro_frd_radps,
             pressure_height_m: self.sensors.pressure_height_m,
+            compass_rad: self.uses_compass().then_some(self.sensors.compass_rad),
             dt_s,
             is_at_rest: !self.is_armed && self.landing.is_landed(),
         };
@@ -175,6 +176,10 @@ impl StubArduPilot {
             };
             self.outbox.text_to_all(severity, text);
         }
+    }
+
+    fn uses_compass(&self) -> bool {
+        self.params.is("COMPASS_ENABLE", 1) && self.params.is("EK3_SRC1_YAW", 1)
     }
 
     fn judge(&mut self) {

@@ -110,6 +110,13 @@ impl Ekf3 {
         if inputs.is_at_rest {
             inertial.fuse_rest();
         }
+        if let Some(compass_rad) = inputs.compass_rad {
+            inertial.follow_compass(compass_rad, self.is_yaw_aligned);
+            if !self.is_yaw_aligned {
+                self.is_yaw_aligned = true;
+                self.news.push(EkfNews::YawAligned);
+            }
+        }
         let pressure_m = inputs.pressure_height_m;
         let height_m = -inertial.position_m.z;
         let offset = self.pressure_offset_m.get_or_insert(height_m - pressure_m);
@@ -157,23 +164,27 @@ impl Ekf3 {
         if self.aiding_since.is_none() {
             self.aiding_since = Some(self.now);
             self.news.push(EkfNews::UsesExternalNav);
-            self.move_to(sample, &past, uses("EK3_SRC1_POSZ"));
+            self.move_to(sample, &past, params);
         } else if is_reset {
-            self.move_to(sample, &past, uses("EK3_SRC1_POSZ"));
+            self.move_to(sample, &past, params);
         } else {
             self.fuse(sample, &past, params);
         }
     }
 
-    fn move_to(&mut self, sample: &NavSample, past: &Past, uses_height: bool) {
+    fn move_to(&mut self, sample: &NavSample, past: &Past, params: &ApParams) {
+        let uses_height = params.is("EK3_SRC1_POSZ", EXTERNAL);
+        let uses_yaw = params.is("EK3_SRC1_YAW", EXTERNAL);
         let Some(inertial) = &mut self.inertial else { return };
         let error_m = sample.position_m - past.position_m;
         let var = sample.position_sigma_m.powi(2);
         for axis in 0..if uses_height { 3 } else { 2 } {
             inertial.reset_position(axis, error_m[axis], var);
         }
-        let yaw_error = wrapped_rad(sample.yaw_rad - past.yaw_rad);
-        inertial.reset_yaw(yaw_error, sample.yaw_sigma_rad.powi(2));
+        if uses_yaw {
+            let yaw_error = wrapped_rad(sample.yaw_rad - past.yaw_rad);
+            inertial.reset_yaw(yaw_error, sample.yaw_sigma_rad.powi(2));
+        }
         self.place_fused_at = Some(self.now);
         self.height_fused_at = Some(self.now);
     }
@@ -213,7 +224,7 @@ impl Ekf3 {
             inertial.fuse_yaw(0, yaw_error.clamp(-0.2, 0.2), sample.yaw_sigma_rad.powi(2));
         }
         if !self.is_within(self.place_fused_at, LOST_AFTER) {
-            self.move_to(sample, past, uses("EK3_SRC1_POSZ"));
+            self.move_to(sample, past, params);
         }
     }
 

@@ -9,11 +9,12 @@
 //! ```
 //! The vertical chain ends in the accelerometer's bias, the heading chain in the gyroscope's.
 
+use super::COMPASS_VAR_RAD2;
 use super::chain::ChainFilter;
 use nalgebra::{UnitQuaternion, Vector3};
 use std::collections::VecDeque;
 use stockpilot::time::{Boot, Stamp};
-use stockpilot::units::GRAVITY_MPS2;
+use stockpilot::units::{GRAVITY_MPS2, wrapped_rad};
 
 /// Entries kept for late measurements: 0.5 s at 200 Hz.
 const N_KEPT: usize = 100;
@@ -145,6 +146,16 @@ impl Inertial {
         self.turn(&Vector3::new(0.0, 0.0, step[0]), &Vector3::new(0.0, 0.0, -step[1]));
         for past in &mut self.past {
             past.yaw_rad += step[0];
+        }
+    }
+
+    /// Takes the heading from the compass: at once the first time.
+    pub(super) fn follow_compass(&mut self, compass_rad: f64, is_aligned: bool) {
+        let off_rad = wrapped_rad(compass_rad - self.yaw_rad());
+        if is_aligned {
+            self.fuse_yaw(0, off_rad, COMPASS_VAR_RAD2);
+        } else {
+            self.reset_yaw(off_rad, COMPASS_VAR_RAD2);
         }
     }
 

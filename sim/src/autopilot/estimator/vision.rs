@@ -1,5 +1,7 @@
 //! External vision: when it is fused, gated, reset and given up.
 //!
+//! In `LOCAL_NED` the place counts only once the heading is aligned, by vision itself or by a compass:
+//! without either, nothing is fused and nobody is told.
 //! Fusion starts with two successive samples less than [`MAX_INTERVAL`] apart and ends
 //! [`STOP_AFTER`] after the last one. A changed reset counter moves the estimate to the sample.
 //! Outliers are gated; when nothing passes for [`RESET_AFTER`], the estimate moves to the sample,
@@ -89,6 +91,15 @@ impl Vision {
         matches!(&self.last, Some(sample) if sample.is_north_aligned)
     }
 
+    pub(super) const fn is_yaw_aligned(&self) -> bool {
+        self.is_yaw_aligned
+    }
+
+    /// Another source has aligned the heading.
+    pub(super) const fn align_yaw(&mut self) {
+        self.is_yaw_aligned = true;
+    }
+
     pub(super) const fn n_resets(&self) -> u8 {
         self.n_resets
     }
@@ -118,7 +129,9 @@ impl Vision {
         let fusion = Fusion { now, sample, error_m, yaw_error_rad, params };
         if self.fusing_since.is_none() {
             let is_dense = previous.is_some_and(|p| sample.at.since(p.at) < MAX_INTERVAL);
-            if is_dense && fusion.uses(BIT_HORIZONTAL | BIT_VERTICAL) {
+            let has_heading = self.is_yaw_aligned || fusion.uses(BIT_YAW);
+            let is_placeable = has_heading || !sample.is_north_aligned;
+            if is_dense && is_placeable && fusion.uses(BIT_HORIZONTAL | BIT_VERTICAL) {
                 self.start(&fusion, inertial, origin_altitude_m);
             }
         } else if previous.is_some_and(|p| p.reset_counter != sample.reset_counter) {
@@ -137,9 +150,9 @@ impl Vision {
         if self.has_stopped && self.fuses_height && fusion.params.int("EKF2_HGT_REF") == 3 {
             inertial.reset_position(2, origin_altitude_m, fusion.position_var(2));
         }
-        if !self.is_yaw_aligned {
+        if !self.is_yaw_aligned && fusion.uses(BIT_YAW) {
             fusion.reset_yaw(inertial);
-            self.is_yaw_aligned = fusion.uses(BIT_YAW);
+            self.is_yaw_aligned = true;
         }
     }
 

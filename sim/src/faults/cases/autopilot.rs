@@ -1,6 +1,6 @@
 //! What the autopilot does, or does not.
 
-use super::Lab;
+use super::{Lab, heading};
 use crate::autopilot::Flavour;
 use crate::faults::bench::Bench;
 use crate::faults::link_layer::Way;
@@ -151,9 +151,28 @@ pub(super) fn battery(lab: &mut Lab) -> anyhow::Result<()> {
         bench.survey();
         bench.strike();
         bench.flight.rig.vehicle_mut().battery_mut().set_charge_ratio(0.11);
-        bench.safe_within(2.5, "lands", |b| b.phase() == Phase::Land);
+        // A message every two seconds, and what it says must last.
+        bench.safe_within(5.0, "lands", |b| b.phase() == Phase::Land);
         let is_down = bench.until(40.0, Bench::is_down);
         bench.demand(is_down, "on the ground in the end");
+    })?;
+    lab.fly(|bench| {
+        bench.survey();
+        bench.strike();
+        bench.safe_already();
+        let mut n_wild = 0;
+        bench.flight.link.tamper_with(move |way, _, (header, mut message)| {
+            if let (Way::ToCompanion, MavMessage::BATTERY_STATUS(data)) = (way, &mut message)
+                && n_wild == 0
+            {
+                n_wild += 1;
+                data.battery_remaining = 2;
+            }
+            vec![(header, message)]
+        });
+        bench.run(6.0);
+        let is_kept = matches!(bench.phase(), Phase::Survey | Phase::Return);
+        bench.demand(is_kept, "one wild word lands nobody");
     })?;
     lab.fly(|bench| {
         bench.survey();
@@ -202,7 +221,8 @@ pub(super) fn disagreement(lab: &mut Lab) -> anyhow::Result<()> {
         let is_down = bench.until(40.0, Bench::is_down);
         bench.demand(is_down, "on the ground in the end");
         bench.demand(bench.said("autopilot's position"), "people are told");
-    })
+    })?;
+    heading::disagreement(lab)
 }
 
 pub(super) fn no_take_off(lab: &mut Lab) -> anyhow::Result<()> {

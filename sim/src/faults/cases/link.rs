@@ -37,6 +37,36 @@ pub(super) fn unplugged(lab: &mut Lab) -> anyhow::Result<()> {
     })
 }
 
+/// The vehicle must not be led in one go to where it would be by now.
+pub(super) fn one_way_lost(lab: &mut Lab) -> anyhow::Result<()> {
+    for gap_s in [1.0, 3.0, 7.0] {
+        lab.fly(|bench| {
+            bench.survey();
+            bench.strike();
+            bench.flight.link.tamper_with(|way, _, one| match way {
+                Way::ToAutopilot => Vec::new(),
+                Way::ToCompanion => vec![one],
+            });
+            // It stands or lands meanwhile, and its setpoints may run ahead of it for a moment only.
+            bench.tolerate(f64::INFINITY);
+            bench.run(gap_s);
+            bench.flight.link.mend();
+            bench.tolerate(LED_WITHIN_M);
+            bench.safe_now();
+            let is_slow = !bench.until(10.0, |b| b.speed_mps() > FASTEST_AFTER_MPS);
+            bench.demand(is_slow, &format!("after {gap_s} s it flies no faster than planned"));
+            let is_settled = bench.until(90.0, |b| b.is_down() || b.phase() == Phase::Survey);
+            bench.demand(is_settled, "goes on or is down in the end");
+        })?;
+    }
+    Ok(())
+}
+
+/// A vehicle that does not follow for 0.3 s at 2 m/s, and the distance at which that counts.
+const LED_WITHIN_M: f64 = 2.0;
+/// The survey's speed, and what a setpoint that far ahead adds.
+const FASTEST_AFTER_MPS: f64 = 2.7;
+
 pub(super) fn timesync(lab: &mut Lab) -> anyhow::Result<()> {
     // Milliseconds towards the companion and towards the autopilot.
     for (to_companion, to_autopilot) in [(2, 3), (25, 25), (100, 100), (0, 40), (40, 0)] {

@@ -65,23 +65,16 @@ fn streams_that_stay_away_are_asked_for_again() {
     let mut scene = Scene::new();
     scene.hears(AUTOPILOT, heartbeat(0x1d, 0), 0);
     scene.tick(0);
-    let asked = |scene: &mut Scene| -> Vec<(i64, i64)> {
-        let interval = |message| match message {
-            MavMessage::COMMAND_LONG(data)
-                if data.command == MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL =>
-            {
-                assert_eq!((data.target_system, data.target_component), (7, 1));
-                #[expect(clippy::cast_possible_truncation, reason = "small whole numbers")]
-                Some((data.param1 as i64, data.param2 as i64))
-            }
-            _ => None,
-        };
-        scene.sent().into_iter().filter_map(interval).collect()
-    };
     // HIGHRES_IMU at 200 Hz, LOCAL_POSITION_NED and ATTITUDE_QUATERNION at 10 Hz,
-    // HEARTBEAT at 30 Hz for the mode, EXTENDED_SYS_STATE at 5 Hz, BATTERY_STATUS at 1 Hz.
-    let all =
-        [(105, 5_000), (32, 100_000), (31, 100_000), (0, 33_333), (245, 200_000), (147, 1_000_000)];
+    // EXTENDED_SYS_STATE at 5 Hz, BATTERY_STATUS at 1 Hz, CURRENT_MODE at 50 Hz at most.
+    let all = [
+        (105, 5_000),
+        (32, 100_000),
+        (31, 100_000),
+        (245, 200_000),
+        (147, 1_000_000),
+        (436, 20_000),
+    ];
     assert_eq!(asked(&mut scene), all);
     // Inertial samples flow at 160 Hz, the rest does not.
     for step in 1..=320_i64 {
@@ -91,6 +84,113 @@ fn streams_that_stay_away_are_asked_for_again() {
     scene.hears(AUTOPILOT, heartbeat(0x1d, 0), 1_900);
     scene.tick(2_000);
     assert_eq!(asked(&mut scene), all[1..]);
+    // The mode comes at changes and twice a second, however often it may come. Once in two seconds is
+    // the default: it was not granted.
+    for (news_ms, is_granted) in [(500, true), (2_000, false)] {
+        scene = Scene::new();
+        scene.hears(AUTOPILOT, heartbeat(0x1d, 0), 0);
+        scene.tick(0);
+        scene.sent();
+        for ms in (news_ms..=2_000).step_by(news_ms) {
+            scene.hears(AUTOPILOT, current_mode(0x0304_0000), i64::try_from(ms).unwrap());
+        }
+        scene.tick(2_000);
+        assert_eq!(!asked(&mut scene).contains(&(436, 20_000)), is_granted, "{news_ms} ms");
+    }
+}
+
+#[test]
+fn ardupilots_heartbeats_are_counted_as_the_stream_that_they_are() {
+    let mut scene = Scene::new();
+    scene.hears(AUTOPILOT, ardupilot_heartbeat(4, MavState::MAV_STATE_STANDBY), 0);
+    scene.tick(0);
+    assert!(asked(&mut scene).contains(&(0, 33_333)));
+    for step in 1..=60_i64 {
+        let ms = step * 2_000 / 60;
+        scene.hears(AUTOPILOT, ardupilot_heartbeat(4, MavState::MAV_STATE_STANDBY), ms);
+    }
+    scene.tick(2_000);
+    assert!(!asked(&mut scene).iter().any(|(id, _)| *id == 0), "it flows");
+    for step in 1..=2_i64 {
+        let ms = 2_000 + step * 1_000;
+        scene.hears(AUTOPILOT, ardupilot_heartbeat(4, MavState::MAV_STATE_STANDBY), ms);
+    }
+    scene.tick(4_000);
+    assert!(asked(&mut scene).contains(&(0, 33_333)), "1 Hz is not what was asked for");
+}
+
+#[test]
+fn on_a_line_of_its_own_px4_is_told_to_leave_out_what_nobody_reads() {
+    let unasked: [(i64, i64); 3] = [(30, -1), (331, -1), (33, -1)];
+    for (address, is_own_line) in [("serial:/dev/ttyAMA0:921600", true), ("tcpout:[::1]:1", false)]
+    {
+        let mut scene = Scene::at(address);
+        scene.hears(AUTOPILOT, heartbeat(0x1d, 0), 0);
+        scene.tick(0);
+        let first = asked(&mut scene);
+        assert!(unasked.iter().all(|off| first.contains(off) == is_own_line), "{first:?}");
+        // ATTITUDE comes all the same: that command was lost.
+        let attitude = wire::ATTITUDE_DATA::default();
+        scene.hears(AUTOPILOT, MavMessage::ATTITUDE(attitude), 1_000);
+        scene.tick(2_000);
+        let again: Vec<_> = asked(&mut scene).into_iter().filter(|(_, us)| *us < 0).collect();
+        assert_eq!(again, if is_own_line { vec![(30, -1)] } else { vec![] });
+    }
+}
+
+/// The intervals that were asked for: id, µs.
+fn asked(scene: &mut Scene) -> Vec<(i64, i64)> {
+    let interval = |message| match message {
+        MavMessage::COMMAND_LONG(data) if data.command == MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL => {
+            assert_eq!((data.target_system, data.target_component), (7, 1));
+            #[expect(clippy::cast_possible_truncation, reason = "small whole numbers")]
+            Some((data.param1 as i64, data.param2 as i64))
+        }
+        _ => None,
+    };
+    scene.sent().into_iter().filter_map(interval).collect()
+}
+
+fn current_mode(custom_mode: u32) -> MavMessage {
+    MavMessage::CURRENT_MODE(wire::CURRENT_MODE_DATA { custom_mode, ..Default::default() })
+}
+
+#[test]
+fn the_mode_is_told_between_heartbeats_and_whichever_word_is_newest_counts() {
+    let mut scene = Scene::heard();
+    // What the modes become, and whether they are told when they change.
+    let mut told = |message, ms| -> Vec<(FlightMode, bool, bool)> {
+        scene.hears(AUTOPILOT, message, ms);
+        let events = scene.told().into_iter().map(|event| match event {
+            Event::Vehicle(state) => {
+                assert_eq!(state.at, at_ms(ms));
+                (state.mode, state.is_mode_prompt, state.is_armed)
+            }
+            other => panic!("{other:?}"),
+        });
+        events.collect()
+    };
+    use FlightMode::{Companion, Hold, Pilot};
+    // One word alone may be the default's one in two seconds.
+    assert_eq!(told(current_mode(0x0006_0000), 100), [(Companion, false, false)]);
+    assert_eq!(told(heartbeat(0x9d, 0x0304_0000), 200), [(Hold, true, true)], "newer");
+    // Arming stays the heartbeat's.
+    assert_eq!(told(current_mode(0x0006_0000), 600), [(Companion, true, true)]);
+    assert_eq!(told(current_mode(0x0006_0000), 1_100), [], "nothing new");
+    assert_eq!(told(current_mode(0x0003_0000), 1_120), [(Pilot, true, true)]);
+    assert_eq!(told(heartbeat(0xd1, 0x0003_0000), 1_200), [(Pilot, true, true)]);
+    // It stays away: from the next heartbeat on it is told that the mode comes late.
+    assert_eq!(told(heartbeat(0xd1, 0x0003_0000), 2_400), [(Pilot, false, true)]);
+    // From somebody else it is no word at all.
+    let mut scene = Scene::heard();
+    scene.hears((8, 1), current_mode(0x0003_0000), 100);
+    scene.hears((7, 191), current_mode(0x0003_0000), 100);
+    assert!(scene.told().is_empty());
+    // A silent autopilot is back with its heartbeat only.
+    scene.tick(3_001);
+    assert_eq!(scene.told(), [Event::AutopilotLost(at_ms(3_001))]);
+    scene.hears(AUTOPILOT, current_mode(0x0003_0000), 3_100);
+    assert!(scene.told().is_empty());
 }
 
 #[test]
@@ -231,9 +331,9 @@ fn whole_numbers_take_over_where_ardupilot_has_no_finer_samples() {
     let told = scene.told();
     let [Event::Imu(imu)] = told.as_slice() else { panic!("{told:?}") };
     // 0.1 g forward, 1 g up, 0.25 rad/s nose up: −0.25 about the axis to the left.
-    let accel = nalgebra::Vector3::new(0.980_665, 0.0, 9.806_65);
+    let accel = Vector3::new(0.980_665, 0.0, 9.806_65);
     assert!((imu.accel_mps2 - accel).norm() < 1e-9, "{:?}", imu.accel_mps2);
-    assert!((imu.gyro_radps - nalgebra::Vector3::new(0.0, -0.25, 0.0)).norm() < 1e-9);
+    assert!((imu.gyro_radps - Vector3::new(0.0, -0.25, 0.0)).norm() < 1e-9);
 }
 
 #[test]

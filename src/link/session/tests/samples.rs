@@ -69,7 +69,14 @@ fn positions_come_in_hall_axes_with_the_attitude() {
     let mut scene = Scene::synced();
     // 90° to the right in NED: the body looks along −y of the hall.
     let half = std::f32::consts::FRAC_1_SQRT_2;
-    let attitude = wire::ATTITUDE_QUATERNION_DATA { q1: half, q4: half, ..Default::default() };
+    // Measured 60 ms before the place, while it turns to the left by 2 rad/s.
+    let attitude = wire::ATTITUDE_QUATERNION_DATA {
+        time_boot_ms: u32::try_from(boot_at(at_ms(1_040)).nanos() / 1_000_000).unwrap(),
+        q1: half,
+        q4: half,
+        yawspeed: -2.0,
+        ..Default::default()
+    };
     scene.hears(AUTOPILOT, MavMessage::ATTITUDE_QUATERNION(attitude), 1_090);
     let place = wire::LOCAL_POSITION_NED_DATA {
         time_boot_ms: u32::try_from(boot_at(at_ms(1_100)).nanos() / 1_000_000).unwrap(),
@@ -86,8 +93,18 @@ fn positions_come_in_hall_axes_with_the_attitude() {
     assert_eq!(pose.position, Point::new(1.5, 2.0, 3.25));
     assert_eq!(pose.velocity_mps, Direction::new(0.5, -0.25, -1.0));
     assert!(pose.at.nanos_since(at_ms(1_100)).abs() < 2_000);
-    let rotation = pose.hall_from_body_rot.expect("the attitude is 10 ms old");
-    assert!((rotation.yaw_rad() + std::f64::consts::FRAC_PI_2).abs() < 1e-6);
+    let rotation = pose.hall_from_body_rot.expect("the attitude is 60 ms old");
+    let turned_rad = 0.06 * 2.0;
+    assert!((rotation.yaw_rad() + std::f64::consts::FRAC_PI_2 - turned_rad).abs() < 1e-6);
+    // Of an attitude that is long past nothing is said.
+    let place = wire::LOCAL_POSITION_NED_DATA {
+        time_boot_ms: u32::try_from(boot_at(at_ms(1_300)).nanos() / 1_000_000).unwrap(),
+        ..Default::default()
+    };
+    scene.hears(AUTOPILOT, MavMessage::LOCAL_POSITION_NED(place), 1_302);
+    let told = scene.told();
+    let [Event::AutopilotPose(pose)] = told.as_slice() else { panic!("{told:?}") };
+    assert_eq!(pose.hall_from_body_rot, None);
 }
 
 #[test]
