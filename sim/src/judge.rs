@@ -15,6 +15,7 @@ pub struct PoseJudge {
     n_samples: u32,
     n_within_3_sigma: u32,
     squared_error_m2: f64,
+    squared_error_var: f64,
 }
 
 impl PoseJudge {
@@ -47,12 +48,20 @@ impl PoseJudge {
         self.n_samples += 1;
         self.n_within_3_sigma += u32::from(is_within);
         self.squared_error_m2 += error.norm_squared();
+        let axes = std::iter::zip(error.iter(), var);
+        self.squared_error_var += axes.map(|(e, var_m2)| e * e / var_m2).sum::<f64>();
     }
 
     /// Share of the samples with all three axes inside their own 3σ.
     #[must_use]
     pub fn within_3_sigma(&self) -> f64 {
         f64::from(self.n_within_3_sigma) / f64::from(self.n_samples.max(1))
+    }
+
+    /// Mean over samples and axes of the squared error over its variance: 1 where the claim is right.
+    #[must_use]
+    pub fn error_over_claim(&self) -> f64 {
+        self.squared_error_var / (3.0 * f64::from(self.n_samples.max(1)))
     }
 
     /// Root mean square of the position error, m.

@@ -70,6 +70,8 @@ pub struct RunReport {
     pub coverage: f64,
     /// Share of the flight with the position error inside its 3σ.
     pub position_within_3_sigma: f64,
+    /// Squared position error over its claimed variance, mean over the flight and the axes; 1 is right.
+    pub position_error_over_claim: f64,
     /// Root mean square of the position error, m.
     pub position_rms_m: f64,
     /// What the service needed of the computer; `null` where it is not measured.
@@ -218,6 +220,7 @@ impl RunReport {
             collided: flown.has_collided,
             coverage: volume.coverage_ratio,
             position_within_3_sigma: measured.poses.within_3_sigma(),
+            position_error_over_claim: measured.poses.error_over_claim(),
             position_rms_m: measured.poses.position_rms_m(),
             load: measured.load,
             accounts: measured.flight.accounts.clone(),
@@ -376,6 +379,7 @@ mod tests {
             collided: false,
             coverage: 1.0,
             position_within_3_sigma: 1.0,
+            position_error_over_claim: 1.0,
             position_rms_m: 0.0,
             load: None,
             accounts: Vec::new(),

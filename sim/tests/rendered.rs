@@ -116,12 +116,14 @@ fn corners_are_found_where_the_world_projects_them() {
     );
     println!("all: {all:?}, rms {:.3} px, found {:.2}", all.rms_px(), all.found_share());
     assert!(small.n_visible > 30 && all.n_visible > 150);
-    assert!(small.rms_px() < 0.3 && all.rms_px() < 0.3);
+    // Asked are 0.3 px.
+    assert!(small.rms_px() < 0.08 && all.rms_px() < 0.06);
     assert!(small.found_share() > 0.8 && all.found_share() > 0.9);
     assert_eq!(n_false, 0);
-    // A shift of the picture against the projection would be the same everywhere.
+    // A shift of the picture against the projection, or of its stamp, would be the same everywhere: the turn moves
+    // edges by 190 px/s.
     let n_corners = (4 * all.n_found) as f64;
-    assert!(all.bias_px.iter().all(|sum| (sum / n_corners).abs() < 0.05), "{all:?}");
+    assert!(all.bias_px.iter().all(|sum| (sum / n_corners).abs() < 0.01), "{all:?}");
 }
 
 #[test]

@@ -2,9 +2,11 @@
 //!
 //! The work is done by the reference library, `AprilTag` 3 in C (Wang and Olson 2016): adaptive
 //! threshold, borders between dark and bright, quadrilaterals on the picture shrunk by
-//! [`Settings::decimation`], edges refined on the full picture, bits. What is added here: doubtful
-//! detections are left out, and a tag that seems to hang in two places (a mirror, a copy) is taken
-//! in neither.
+//! [`Settings::decimation`], edges refined on the full picture, bits. What is added here: edges are
+//! fitted once more, to all pixels near them, doubtful detections are left out, and a tag that seems
+//! to hang in two places (a mirror, a copy) is taken in neither.
+
+mod edges;
 
 use super::picture::GreyPicture;
 use crate::messages::{TagDetection, TagFamily};
@@ -102,7 +104,7 @@ impl TagFinder {
                 let decision_margin = f64::from(found.decision_margin());
                 match u32::try_from(found.id()) {
                     Ok(id) if decision_margin >= self.min_decision_margin => {
-                        let corners_px = found.corners();
+                        let corners_px = edges::refined(picture, found.corners(), family.n_cells());
                         tags.push(TagDetection {
                             id,
                             family: *family,

@@ -3,9 +3,13 @@
 //! ```text
 //! I(pixel) = mean over m of L(ray(pixel + o_m), t_m)
 //! ```
-//! - `o_m`: offsets spread like the blur, a pixel's square convolved with a Gaussian, px, m = 1…[`N_SAMPLES`];
-//!   every one has its opposite, so the blur moves no edge
+//! - `o_m`: offsets spread like the blur, a pixel's square convolved with a Gaussian, px, m = 1…[`N_SAMPLES`]
 //! - `t_m`: instants spread over the exposure, so that motion blurs
+//!
+//! Every offset at an instant has its opposite at the opposite instant, and all three are spread evenly together, so
+//! neither blur nor motion moves an edge from where it is in the middle of the exposure. A kernel that leans to one
+//! side would: where offsets went with instants, edges that moved by 190 px/s were seen 0.03 px too early.
+//!
 //! - `L`: brightness where the ray meets a tag, or of the wall
 //!
 //! The ray of a pixel is found by inverting [`Lens::project`]; within a few pixels it is linear. Edges come
@@ -44,7 +48,7 @@ pub struct Renderer {
     rays: Vec<Vector2<f64>>,
     /// How dark a pixel is against the middle of the picture, by rows.
     fall_off: Vec<f32>,
-    offsets_px: Vec<[f32; 2]>,
+    samples: Vec<Sample>,
     /// The farthest offset along u or v.
     reach_px: f64,
     noise: Vec<f32>,
@@ -54,6 +58,15 @@ impl std::fmt::Debug for Renderer {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Renderer").field("lens", &self.lens).field("model", &self.model).finish()
     }
+}
+
+/// One ray of a pixel.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Sample {
+    /// From the pixel's centre, px right and down.
+    offset_px: [f32; 2],
+    /// When it looks, by number.
+    instant: usize,
 }
 
 /// A tag before a camera.
@@ -81,13 +94,12 @@ impl Renderer {
             })
             .collect();
         let fall_off = fall_off(&rays, model.vignetting);
-        let offsets_px = offsets_px(model.blur_sigma_px);
-        let reach_px = offsets_px.iter().map(|o| o.amax()).fold(0.0, f64::max);
-        #[expect(clippy::cast_possible_truncation, reason = "a millionth of a pixel is enough")]
-        let offsets_px = offsets_px.iter().map(|o| [o.x as f32, o.y as f32]).collect();
+        let samples = samples(model.blur_sigma_px);
+        let farthest_px = samples.iter().flat_map(|sample| sample.offset_px);
+        let reach_px = f64::from(farthest_px.map(f32::abs).fold(0.0, f32::max));
         #[expect(clippy::cast_possible_truncation, reason = "noise needs no more digits")]
         let noise = (0..N_NOISE).map(|_| noise.normal() as f32).collect();
-        Self { lens, model, rays, fall_off, offsets_px, reach_px, noise }
+        Self { lens, model, rays, fall_off, samples, reach_px, noise }
     }
 
     /// The picture of an exposure, by rows; `poses` are the camera's at instants spread over it.
@@ -211,9 +223,8 @@ impl Renderer {
         if is_plain {
             return tag.shades.light(first, before);
         }
-        let samples = self.offsets_px.iter().enumerate();
-        let lights = samples.map(|(m, offset)| {
-            tag.shades.light(tag.shades.cell(&locals[m % N_INSTANTS], *offset), before)
+        let lights = self.samples.iter().map(|sample| {
+            tag.shades.light(tag.shades.cell(&locals[sample.instant], sample.offset_px), before)
         });
         #[expect(clippy::cast_precision_loss, reason = "48")]
         let n_samples = N_SAMPLES as f32;
@@ -308,16 +319,41 @@ fn is_hidden(
     hit.is_none_or(|hit| hit.distance_m < distance_m - 0.5)
 }
 
-/// Offsets from the centre of a pixel, spread like a unit square convolved with a Gaussian; all
-/// coordinates differ, and each offset has its opposite.
-fn offsets_px(blur_sigma_px: f64) -> Vec<Vector2<f64>> {
-    /// Roberts' sequence in two dimensions: steps by the plastic number's powers.
-    const STEPS: [f64; 2] = [0.754_877_666_246_692_7, 0.569_840_290_998_053_2];
-    let half = (0..N_SAMPLES / 2).map(|m| {
-        let at = |axis: usize| (0.5 + STEPS[axis] * (m as f64 + 1.0)).fract();
-        Vector2::new(quantile(at(0), blur_sigma_px), quantile(at(1), blur_sigma_px))
+/// Rays with offsets that are spread like a unit square convolved with a Gaussian, at instants that are
+/// spread evenly; each has its opposite in all three.
+fn samples(blur_sigma_px: f64) -> Vec<Sample> {
+    /// Roberts' sequence in three dimensions: steps by powers of 1/1.220744, whose fourth power is one more.
+    const STEPS: [f64; 3] =
+        [0.819_172_513_396_164_4, 0.671_043_606_703_789_3, 0.549_700_477_901_970_4];
+    let at = |axis: usize| -> Vec<f64> {
+        (1..=N_SAMPLES / 2).map(|m| (0.5 + STEPS[axis] * m as f64).fract()).collect()
+    };
+    let offsets_px = [0, 1].map(|axis| {
+        #[expect(clippy::cast_possible_truncation, reason = "a millionth of a pixel is enough")]
+        let px = |share: f64| quantile(share, blur_sigma_px) as f32;
+        even(&at(axis)).into_iter().map(px).collect::<Vec<f32>>()
     });
-    half.flat_map(|offset| [offset, -offset]).collect()
+    let pairs = at(2).into_iter().enumerate().flat_map(|(m, share)| {
+        let offset_px = [offsets_px[0][m], offsets_px[1][m]];
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 3")]
+        let instant = (share * N_INSTANTS as f64) as usize;
+        let opposite =
+            Sample { offset_px: offset_px.map(|px| -px), instant: N_INSTANTS - 1 - instant };
+        [Sample { offset_px, instant }, opposite]
+    });
+    pairs.collect()
+}
+
+/// Shares between 0 and 1, moved a little so that they and their opposites have equal steps.
+fn even(shares: &[f64]) -> Vec<f64> {
+    let mut order: Vec<usize> = (0..shares.len()).collect();
+    order.sort_by(|a, b| (shares[*a] - 0.5).abs().total_cmp(&(shares[*b] - 0.5).abs()));
+    let mut evened = shares.to_vec();
+    for (rank, m) in order.into_iter().enumerate() {
+        let from_middle = (rank as f64 + 0.5) / (2 * shares.len()) as f64;
+        evened[m] = 0.5 + from_middle.copysign(shares[m] - 0.5);
+    }
+    evened
 }
 
 /// Where a unit square convolved with a Gaussian has this share of its weight on the left, px.

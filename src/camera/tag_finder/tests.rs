@@ -40,8 +40,8 @@ fn finder(families: &[TagFamily]) -> TagFinder {
 }
 
 /// The library has tables of its own: it reads every tag of every family as the pattern it is, upright,
-/// with its corners where they were drawn. Edges along the pixels are the worst case for sub-pixel
-/// refinement, so a fifth of a pixel is left.
+/// with its corners where they were drawn. Edges along the pixels without any blur are the worst
+/// case for a fit of a blurred edge.
 #[test]
 fn the_detector_reads_every_pattern() {
     const CELL_PX: usize = 6;

@@ -55,3 +55,35 @@ fn an_edge_between_pixels_gives_each_its_share() {
     assert!(near(grey(480, 325), black));
     assert!(near(grey(485, 319), white) && near(grey(485, 320), black), "the top edge");
 }
+
+/// The kernel of a moving edge is that of offset and instant together. Whatever the motion, as many rays are
+/// on one side as on the other, and its skewness is nothing.
+#[test]
+fn no_motion_makes_the_blur_lean_to_a_side() {
+    /// Equal steps of 48 rays would be 0.04 px.
+    const GAP_PX: f64 = 0.2;
+    let samples = samples(0.6);
+    assert_eq!(samples.len(), N_SAMPLES);
+    for instant in 0..N_INSTANTS {
+        let n = samples.iter().filter(|sample| sample.instant == instant).count();
+        assert!((10..=14).contains(&n), "{n} rays at instant {instant}");
+    }
+    // px from instant to instant
+    for speed in [0.0, 0.07, -0.14] {
+        for axis in 0..2 {
+            let middle = (N_INSTANTS - 1) as f64 / 2.0;
+            let mut places: Vec<f64> = samples
+                .iter()
+                .map(|s| f64::from(s.offset_px[axis]) + speed * (s.instant as f64 - middle))
+                .collect();
+            places.sort_by(f64::total_cmp);
+            let lowest_and_highest = std::iter::zip(&places, places.iter().rev());
+            for (low, high) in lowest_and_highest {
+                assert!((low + high).abs() < 1e-6, "{low} and {high} at {speed}");
+            }
+            let (n, n_middle) = (places.len(), places.len() / 4);
+            let gaps = places[n_middle..n - n_middle].windows(2).map(|pair| pair[1] - pair[0]);
+            assert!(gaps.fold(0.0, f64::max) < GAP_PX, "{places:?} at {speed}");
+        }
+    }
+}
