@@ -12,7 +12,6 @@ use super::super::tight_update::{Frame, Projector, Sighting, Viewpoint};
 use super::super::vision_fix::{self, NoFix, PointFeature, Start};
 use super::{Localizer, Placement, Update};
 use crate::geometry::{Body, Hall, Point, Transform};
-use crate::messages::state::VEL;
 use crate::messages::{
     FixOutcome, FixRecord, FixSource, PointDetection, Severity, StatusText, TagDetection,
     TagDetections, Verdict,
@@ -285,7 +284,7 @@ impl Localizer {
             Placement::Stale => {
                 let is_trusted = n_tags >= MIN_TAGS_TO_RELOCATE || self.is_on_ground;
                 record.verdict =
-                    if is_trusted { self.restart(at, fix, None) } else { Verdict::Gated };
+                    if is_trusted { self.restart_after_gap(at, fix) } else { Verdict::Gated };
                 return;
             }
             Placement::Pad | Placement::Tags => {}
@@ -318,9 +317,9 @@ impl Localizer {
         let may_relocate = n_tags >= MIN_TAGS_TO_RELOCATE || self.is_on_ground;
         let is_outvoted =
             self.gated.outvotes_filter(at, &fix.outcome.hall_from_body) && may_relocate;
-        let velocity_mps = self.gated.velocity_mps();
+        let velocity_mps = self.gated.velocity_mps().filter(|_| is_outvoted);
         record.verdict =
-            if is_outvoted { self.restart(at, fix, velocity_mps) } else { Verdict::Gated };
+            velocity_mps.map_or(Verdict::Gated, |velocity_mps| self.restart(at, fix, velocity_mps));
     }
 
     fn note_fused(&mut self, at: Stamp<Mono>, record: &mut FixRecord) {
@@ -355,15 +354,24 @@ impl Localizer {
         Verdict::Initialized
     }
 
-    /// Puts the filter onto fixes that its gate kept refusing, or the first one after a jump of the
-    /// time; declares the jump of the pose.
-    ///
-    /// Without the velocity of those fixes the filter keeps its own, as sure as it is of it.
+    /// After a gap in the inertial samples nobody knows how fast the vehicle is: in flight that takes a
+    /// second fix.
+    fn restart_after_gap(&mut self, at: Stamp<Mono>, placed: &PlacedFix) -> Verdict {
+        if self.is_on_ground {
+            return self.restart(at, placed, Vector3::zeros());
+        }
+        self.gated.outvotes_filter(at, &placed.outcome.hall_from_body);
+        let velocity_mps = self.gated.velocity_mps();
+        velocity_mps.map_or(Verdict::Gated, |velocity_mps| self.restart(at, placed, velocity_mps))
+    }
+
+    /// Puts the filter onto fixes that its gate kept refusing, or those after a jump of the time;
+    /// declares the jump of the pose.
     fn restart(
         &mut self,
         at: Stamp<Mono>,
         placed: &PlacedFix,
-        velocity_mps: Option<Vector3<f64>>,
+        velocity_mps: Vector3<f64>,
     ) -> Verdict {
         let fix = &placed.outcome;
         let (Some(ring), Some(last_imu)) = (&self.ring, self.last_imu) else {
@@ -378,19 +386,13 @@ impl Localizer {
         state.at = at;
         state.hall_from_body = fix.hall_from_body;
         // The old pose was wrong, so its correlations say nothing.
-        let own_velocity_var = VEL.map(|k| state.P[(k, k)]).fold(0.0, f64::max);
         state.P = Covariance::zeros();
         state.P.fixed_view_mut::<6, 6>(0, 0).copy_from(&fix.pose_cov);
         set_sigma(&mut state.P, &IN_FLIGHT);
-        if let Some(velocity_mps) = velocity_mps {
-            state.velocity_mps = velocity_mps;
-            // What has led the filter astray may be in its biases; no sensor has larger ones than these.
-            state.accel_bias_mps2 = state.accel_bias_mps2.cap_magnitude(LARGEST_ACCEL_BIAS_MPS2);
-            state.gyro_bias_radps = state.gyro_bias_radps.cap_magnitude(LARGEST_GYRO_BIAS_RADPS);
-        } else {
-            let sigma_mps = own_velocity_var.sqrt().max(IN_FLIGHT[0].1);
-            set_sigma(&mut state.P, &[(VEL, sigma_mps)]);
-        }
+        state.velocity_mps = velocity_mps;
+        // What has led the filter astray may be in its biases; no sensor has larger ones than these.
+        state.accel_bias_mps2 = state.accel_bias_mps2.cap_magnitude(LARGEST_ACCEL_BIAS_MPS2);
+        state.gyro_bias_radps = state.gyro_bias_radps.cap_magnitude(LARGEST_GYRO_BIAS_RADPS);
         state.places = self.places_of(placed);
         // The fixes agreed for the last time then; what followed was seen from a wrong pose.
         self.doubtful_since = self.doubtful_since.or(self.last_agreed_at);

@@ -2,7 +2,7 @@
 
 use super::Lab;
 use super::autopilot::drifting_odometry;
-use crate::autopilot::{Flavour, StubAutopilot};
+use crate::autopilot::StubAutopilot;
 use crate::faults::bench::{Bench, scenario};
 use crate::scenario::Scenario;
 use crate::world::{Cuboid, Region, World};
@@ -110,11 +110,6 @@ pub(super) fn blown(lab: &mut Lab) -> anyhow::Result<()> {
     let mut world = World::piles(lab.seed).context("a generated world")?;
     world.obstacles.push(rail);
     let bench = Bench::of(&Scenario { world, ..scenario(lab.flavour, lab.seed)? })?;
-    // What pushes each of them most of the way in less than a second.
-    let blast_mps = match lab.flavour {
-        Flavour::Px4 => 33.0,
-        Flavour::ArduPilot => 22.0,
-    };
     lab.fly_on(bench, |bench| {
         bench.survey();
         let is_beside = bench.until(60.0, |b| b.place().x > 8.0);
@@ -122,10 +117,12 @@ pub(super) fn blown(lab: &mut Lab) -> anyhow::Result<()> {
         bench.strike();
         bench.tolerate(f64::INFINITY);
         let mut nearest_m = f64::INFINITY;
-        for step in 0..1_600 {
-            // Until the vehicle gives way.
-            let is_blown = step < 200 && bench.phase() == Phase::Survey;
-            let blast_mps = if is_blown { blast_mps } else { 0.0 };
+        let mut is_blown = true;
+        for _ in 0..1_600 {
+            // Ever stronger, until the vehicle gives way.
+            is_blown &= bench.phase() == Phase::Survey;
+            let blast_mps =
+                if is_blown { BLAST_MPS + BLAST_GROWS_MPS2 * bench.since_s() } else { 0.0 };
             bench.flight.rig.vehicle_mut().blast(Vector3::y() * -blast_mps);
             bench.step();
             let led_to_m = bench.seen.setpoint.map_or(f64::INFINITY, |(_, place)| place.y);
@@ -144,6 +141,9 @@ pub(super) fn blown(lab: &mut Lab) -> anyhow::Result<()> {
 
 /// 1.1 m beside a leg.
 const RAIL_Y_M: f64 = 1.4;
+/// The air's speed at first, and how fast it grows.
+const BLAST_MPS: f64 = 10.0;
+const BLAST_GROWS_MPS2: f64 = 20.0;
 /// The vehicle's radius and the margin around it.
 const KEPT_OFF_M: f64 = 0.5;
 
