@@ -269,10 +269,16 @@ impl Pilot {
         self.mission.phase()
     }
 
-    /// The flight is over, and the last solve of its surface is not.
+    /// No vehicle is in the air with the own position, not even in somebody else's hands, none may start
+    /// yet, and the last surface is solved.
     #[must_use]
-    pub const fn is_finishing(&self) -> bool {
-        self.ending.is_some()
+    pub fn is_at_rest(&self) -> bool {
+        let is_down = match self.mission.phase() {
+            Phase::Idle => !self.mission.may_arm_yet(self.now),
+            Phase::Abort => self.vehicle.is_none_or(|vehicle| !vehicle.is_armed),
+            _ => false,
+        };
+        is_down && self.ending.is_none()
     }
 
     /// The map as it grows.

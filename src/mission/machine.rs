@@ -240,7 +240,6 @@ impl Mission {
             self.called_off_at = Some(now);
         }
         if to == Phase::Preflight {
-            self.called_off_at = None;
             self.n_off_track = 0;
             self.is_complete = false;
             self.was_companion = false;

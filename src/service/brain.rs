@@ -9,7 +9,6 @@ use super::status::{ServiceStats, ServiceStatus};
 use crate::link::transport::{Outgoing, Received, Transport};
 use crate::link::{PAGE, Session, SessionOutput};
 use crate::messages::{OperatorAnswer, OperatorVerb, Severity};
-use crate::mission::Phase;
 use crate::pilot::{Action, Event, Job, JobId, JobOutput, Pilot};
 use crate::time::{Mono, Stamp};
 use crate::web::{Feed, Pulse, Wish};
@@ -79,6 +78,8 @@ pub(super) struct Brain {
     status: ServiceStatus,
     status_tx: watch::Sender<ServiceStatus>,
     feed: Option<Feed>,
+    /// Somebody has asked for the end.
+    is_ending: bool,
     /// Who waits for the mission's answers to the own page, in their order.
     wished: VecDeque<Wish>,
     last_tick: Arc<AtomicI64>,
@@ -115,6 +116,7 @@ impl Brain {
             status: ServiceStatus::default(),
             status_tx,
             feed,
+            is_ending: false,
             wished: VecDeque::new(),
             last_tick: Arc::new(AtomicI64::new(now.nanos())),
             warned: (now, 0, WARN_EVERY),
@@ -157,6 +159,7 @@ impl Brain {
     /// A vehicle in the air lands before the brain ends, with ODOMETRY to the ground: left to itself, one
     /// that has no other position than ours drifts until its own failsafe notices, and lands blind.
     async fn land_first(&mut self, inputs: &mut Inputs) {
+        self.is_ending = true;
         if self.pilot.phase().is_steering()
             && let Some(event) = self.session.on_own_wish(OperatorVerb::Land, self.clock.now())
         {
@@ -177,8 +180,7 @@ impl Brain {
 
     /// Nothing is flown, asked or worked out.
     fn is_at_rest(&self) -> bool {
-        let is_let_go = matches!(self.pilot.phase(), Phase::Idle | Phase::Abort);
-        is_let_go && !self.session.awaits_answers() && !self.pilot.is_finishing()
+        self.pilot.is_at_rest() && !self.session.awaits_answers()
     }
 
     /// Waits for whatever comes first. Ticks stand before data, so that no flood starves them.
@@ -274,12 +276,26 @@ impl Brain {
         self.events.extend(self.out.events.drain(..));
     }
 
+    /// What is answered to a start that comes while the brain ends: it would end in the air.
+    fn refusal(&self, event: &Event) -> Option<OperatorAnswer> {
+        match event {
+            Event::Operator(command) if self.is_ending && command.verb.is_start() => {
+                Some(OperatorAnswer { verb: command.verb, to: command.from, is_accepted: false })
+            }
+            _ => None,
+        }
+    }
+
     /// Steps the brain until no event waits.
     fn work_off(&mut self) {
         while let Some(event) = self.events.pop_front() {
+            let now = self.clock.now();
+            if let Some(refusal) = self.refusal(&event) {
+                self.act(now, Action::Answer(refusal));
+                continue;
+            }
             self.status.stats.events += 1;
             self.witness_event(&event);
-            let now = self.clock.now();
             if let Some(recorder) = &mut self.recorder {
                 recorder.event(now, &event);
             }

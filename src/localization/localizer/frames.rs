@@ -11,7 +11,8 @@ use super::super::tag_health::{TagName, TagPoints};
 use super::super::tight_update::{Frame, Projector, Sighting, Viewpoint};
 use super::super::vision_fix::{self, NoFix, PointFeature, Start};
 use super::{Localizer, Placement, Update};
-use crate::geometry::{Body, Hall, Point, Transform};
+use crate::geometry::{Hall, Point};
+use crate::messages::state::VEL;
 use crate::messages::{
     FixOutcome, FixRecord, FixSource, PointDetection, Severity, StatusText, TagDetection,
     TagDetections, Verdict,
@@ -25,16 +26,39 @@ use std::sync::Arc;
 /// Fixes in a row that the gate refused although they agree with each other, the newest last.
 #[derive(Debug, Clone, Default)]
 pub(super) struct GatedStreak {
-    fixes: VecDeque<(Stamp<Mono>, Point<Hall>)>,
+    count: usize,
+    /// Those of the last [`VELOCITY_SPAN_S`].
+    fixes: VecDeque<StreakFix>,
+}
+
+/// Place and its largest variance, m².
+#[derive(Debug, Clone, Copy)]
+struct StreakFix {
+    at: Stamp<Mono>,
+    place: Point<Hall>,
+    var_m2: f64,
+}
+
+/// A velocity and the standard deviation of each of its components, m/s.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Velocity {
+    mps: Vector3<f64>,
+    sigma_mps: f64,
+}
+
+impl Velocity {
+    /// On the ground.
+    const NONE: Self = Self { mps: Vector3::new(0.0, 0.0, 0.0), sigma_mps: IN_FLIGHT[0].1 };
 }
 
 /// This many agreeing fixes in a row outvote the filter: half a second at 20 Hz.
 const RESET_AFTER_GATED: usize = 10;
-/// The velocity is that over so long, s: the vehicle hardly changes it meanwhile, and fixes that are off by a
-/// centimetre still tell it to a decimetre a second.
-const VELOCITY_SPAN_S: (f64, f64) = (0.1, 0.3);
 /// Two gated fixes agree if the vehicle could have flown from one to the other, m/s.
 const PLAUSIBLE_SPEED_MPS: f64 = 5.0;
+/// The velocity is that over so long, s: the shortest span of these that two fixes have between them.
+const VELOCITY_SPAN_S: (f64, f64) = (0.1, 1.0);
+/// By how much it may change meanwhile, m/s².
+const MANOEUVRE_MPS2: f64 = 1.5;
 /// Biases of sensors that fly, at most.
 const LARGEST_ACCEL_BIAS_MPS2: f64 = 0.5;
 const LARGEST_GYRO_BIAS_RADPS: f64 = 0.1;
@@ -315,11 +339,10 @@ impl Localizer {
             return;
         }
         let may_relocate = n_tags >= MIN_TAGS_TO_RELOCATE || self.is_on_ground;
-        let is_outvoted =
-            self.gated.outvotes_filter(at, &fix.outcome.hall_from_body) && may_relocate;
-        let velocity_mps = self.gated.velocity_mps().filter(|_| is_outvoted);
+        let is_outvoted = may_relocate && self.gated.outvotes_filter(at, &fix.outcome);
+        let velocity = self.velocity_of_fixes().filter(|_| is_outvoted);
         record.verdict =
-            velocity_mps.map_or(Verdict::Gated, |velocity_mps| self.restart(at, fix, velocity_mps));
+            velocity.map_or(Verdict::Gated, |velocity| self.restart(at, fix, velocity));
     }
 
     fn note_fused(&mut self, at: Stamp<Mono>, record: &mut FixRecord) {
@@ -357,22 +380,19 @@ impl Localizer {
     /// After a gap in the inertial samples nobody knows how fast the vehicle is: in flight that takes a
     /// second fix.
     fn restart_after_gap(&mut self, at: Stamp<Mono>, placed: &PlacedFix) -> Verdict {
-        if self.is_on_ground {
-            return self.restart(at, placed, Vector3::zeros());
-        }
-        self.gated.outvotes_filter(at, &placed.outcome.hall_from_body);
-        let velocity_mps = self.gated.velocity_mps();
-        velocity_mps.map_or(Verdict::Gated, |velocity_mps| self.restart(at, placed, velocity_mps))
+        self.gated.outvotes_filter(at, &placed.outcome);
+        let velocity = self.velocity_of_fixes();
+        velocity.map_or(Verdict::Gated, |velocity| self.restart(at, placed, velocity))
+    }
+
+    /// How fast the vehicle is by fixes that agree with each other; `None` while they do not tell.
+    fn velocity_of_fixes(&self) -> Option<Velocity> {
+        if self.is_on_ground { Some(Velocity::NONE) } else { self.gated.velocity() }
     }
 
     /// Puts the filter onto fixes that its gate kept refusing, or those after a jump of the time;
     /// declares the jump of the pose.
-    fn restart(
-        &mut self,
-        at: Stamp<Mono>,
-        placed: &PlacedFix,
-        velocity_mps: Vector3<f64>,
-    ) -> Verdict {
+    fn restart(&mut self, at: Stamp<Mono>, placed: &PlacedFix, velocity: Velocity) -> Verdict {
         let fix = &placed.outcome;
         let (Some(ring), Some(last_imu)) = (&self.ring, self.last_imu) else {
             return Verdict::NotInitialized;
@@ -389,7 +409,8 @@ impl Localizer {
         state.P = Covariance::zeros();
         state.P.fixed_view_mut::<6, 6>(0, 0).copy_from(&fix.pose_cov);
         set_sigma(&mut state.P, &IN_FLIGHT);
-        state.velocity_mps = velocity_mps;
+        state.velocity_mps = velocity.mps;
+        set_sigma(&mut state.P, &[(VEL, velocity.sigma_mps)]);
         // What has led the filter astray may be in its biases; no sensor has larger ones than these.
         state.accel_bias_mps2 = state.accel_bias_mps2.cap_magnitude(LARGEST_ACCEL_BIAS_MPS2);
         state.gyro_bias_radps = state.gyro_bias_radps.cap_magnitude(LARGEST_GYRO_BIAS_RADPS);
@@ -479,53 +500,75 @@ pub(super) fn note(record: &mut FixRecord, innovation: &Innovation) {
 
 impl GatedStreak {
     /// Counts a refused fix; true once enough of them in a row agree with each other.
-    fn outvotes_filter(&mut self, at: Stamp<Mono>, pose: &Transform<Hall, Body>) -> bool {
-        let agrees = self.fixes.back().is_some_and(|(last_at, last)| {
-            let reach_m = 0.3 + PLAUSIBLE_SPEED_MPS * at.seconds_since(*last_at).abs();
-            (pose.origin - *last).coords.norm() < reach_m
+    fn outvotes_filter(&mut self, at: Stamp<Mono>, fix: &FixOutcome) -> bool {
+        let place = fix.hall_from_body.origin;
+        let agrees = self.fixes.back().is_some_and(|last| {
+            let reach_m = 0.3 + PLAUSIBLE_SPEED_MPS * at.seconds_since(last.at).abs();
+            (place - last.place).coords.norm() < reach_m
         });
         if !agrees {
-            self.fixes.clear();
+            *self = Self::default();
         }
-        if self.fixes.len() == RESET_AFTER_GATED {
+        self.count += 1;
+        let var_m2 = (0..3).map(|k| fix.pose_cov[(k, k)]).fold(0.0, f64::max);
+        self.fixes.push_back(StreakFix { at, place, var_m2 });
+        let is_old = |fix: &StreakFix| at.seconds_since(fix.at) > VELOCITY_SPAN_S.1;
+        while self.fixes.front().is_some_and(is_old) {
             self.fixes.pop_front();
         }
-        self.fixes.push_back((at, pose.origin));
-        self.fixes.len() >= RESET_AFTER_GATED
+        self.count >= RESET_AFTER_GATED
     }
 
-    /// Velocity between the newest of the fixes and one shortly before it, m/s; `None` without such a one.
-    fn velocity_mps(&self) -> Option<Vector3<f64>> {
-        let (at, place) = self.fixes.back()?;
-        let (shortest_s, longest_s) = VELOCITY_SPAN_S;
-        let mut spans = self.fixes.iter().map(|(then, from)| (at.seconds_since(*then), from));
-        let (span_s, from) = spans.find(|(s, _)| (shortest_s..=longest_s).contains(s))?;
-        Some((*place - *from).coords / span_s)
+    /// Velocity between the newest of the fixes and the last one that is old enough for that; `None` without
+    /// such a one, or with one that no vehicle of ours has.
+    fn velocity(&self) -> Option<Velocity> {
+        let newest = self.fixes.back()?;
+        let spans = self.fixes.iter().rev().map(|old| (newest.at.seconds_since(old.at), old));
+        let (span_s, old) = { spans }.find(|(span_s, _)| *span_s >= VELOCITY_SPAN_S.0)?;
+        let mps = (newest.place - old.place).coords / span_s;
+        let var = IN_FLIGHT[0].1.powi(2)
+            + (newest.var_m2 + old.var_m2) / span_s.powi(2)
+            + (MANOEUVRE_MPS2 * span_s).powi(2);
+        (mps.norm() <= PLAUSIBLE_SPEED_MPS).then_some(Velocity { mps, sigma_mps: var.sqrt() })
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::{Rotation, Transform};
     use std::time::Duration;
 
-    /// 20 frames a second past a filter that has gone astray.
+    fn fix(place: Vector3<f64>) -> FixOutcome {
+        FixOutcome {
+            hall_from_body: Transform::new(Rotation::identity(), Point::from_coords(place)),
+            pose_cov: Matrix6::identity() * 1e-4,
+            residual_rms_px: 0.3,
+            n_points: 8,
+            q_pos: 50.0,
+            q_position: 60.0,
+        }
+    }
+
+    /// Past a filter that has gone astray, with slow cameras and with fast ones.
     #[test]
     fn fixes_that_outvote_the_filter_tell_their_velocity() {
-        let mut streak = GatedStreak::default();
-        let velocity_mps = Vector3::new(1.6, -1.2, 0.1);
-        let at = |n: u64| Stamp::ZERO.plus(Duration::from_millis(50 * n));
-        let outvoted = (0..10).map(|n| {
-            let place = Vector3::new(3.0, 4.0, 7.0) + velocity_mps * at(n).seconds();
-            let pose =
-                Transform::new(crate::geometry::Rotation::identity(), Point::from_coords(place));
-            streak.outvotes_filter(at(n), &pose)
-        });
-        assert_eq!(outvoted.filter(|is_outvoted| *is_outvoted).count(), 1, "by the tenth");
-        assert!((streak.velocity_mps().unwrap() - velocity_mps).norm() < 1e-9);
-        // One that does not agree begins anew, and tells none.
-        let elsewhere = Transform::new(crate::geometry::Rotation::identity(), Point::origin());
-        assert!(!streak.outvotes_filter(at(10), &elsewhere));
-        assert_eq!(streak.velocity_mps(), None);
+        for period_ms in [5, 50, 200, 900] {
+            let mut streak = GatedStreak::default();
+            let velocity_mps = Vector3::new(1.6, -1.2, 0.1);
+            let at = |n: u64| Stamp::ZERO.plus(Duration::from_millis(period_ms * n));
+            let place = |n| Vector3::new(3.0, 4.0, 7.0) + velocity_mps * at(n).seconds();
+            let n_until = (0..).find(|n| streak.outvotes_filter(at(*n), &fix(place(*n)))).unwrap();
+            assert_eq!(n_until, 9, "the tenth");
+            (10..30).for_each(|n| {
+                streak.outvotes_filter(at(n), &fix(place(n)));
+            });
+            let found = streak.velocity().unwrap();
+            assert!((found.mps - velocity_mps).norm() < 1e-9);
+            assert!((0.5..2.0).contains(&found.sigma_mps), "{found:?}");
+            // One that does not agree begins anew, and tells none.
+            assert!(!streak.outvotes_filter(at(30), &fix(Vector3::zeros())));
+            assert_eq!(streak.velocity(), None);
+        }
     }
 }

@@ -7,6 +7,7 @@ use crate::messages::{
 use crate::mission::Phase;
 use crate::mission::decision::{Effect, Inputs};
 use crate::mission::guards::{preflight_faults, preflight_line};
+use crate::time::{Mono, Stamp};
 use std::time::Duration;
 
 /// A commanded take-off counts as done from this share of its height on.
@@ -25,20 +26,27 @@ impl Mission {
 
     /// After a start that was called off the autopilot may arm yet, for it was asked to.
     pub(super) fn stop_what_may_start(&mut self, inputs: &Inputs, effects: &mut Vec<Effect>) {
-        let may_arm_yet =
-            self.called_off_at.is_some_and(|at| inputs.now.since(at) < MAY_ARM_YET_FOR);
         let is_ours_on_ground = inputs.vehicle.is_some_and(|vehicle| {
             vehicle.mode == FlightMode::Companion && vehicle.landed == LandedState::OnGround
         });
-        if may_arm_yet && is_ours_on_ground {
+        if self.may_arm_yet(inputs.now) && is_ours_on_ground {
             self.ask(VehicleCommand::Disarm, inputs.now, effects);
         }
+    }
+
+    /// Motors may start yet, for the autopilot was asked to start them before the start was called off.
+    #[must_use]
+    pub fn may_arm_yet(&self, now: Stamp<Mono>) -> bool {
+        self.called_off_at.is_some_and(|at| now.since(at) < MAY_ARM_YET_FOR)
     }
 
     pub(super) fn step_preflight(&mut self, inputs: &Inputs, effects: &mut Vec<Effect>) {
         let waited = inputs.now.since(self.entered_at);
         let is_companion = inputs.vehicle.is_some_and(|v| v.mode == FlightMode::Companion);
         let is_armed = inputs.vehicle.is_some_and(|v| v.is_armed);
+        if is_armed && !self.has_asked_to_arm {
+            self.stop_what_may_start(inputs, effects);
+        }
         if self.was_companion && !is_companion {
             // Somebody has turned the mode switch: the start is theirs to repeat.
             effects
@@ -68,7 +76,10 @@ impl Mission {
         if is_companion && !self.has_asked_to_arm {
             effects.push(Effect::Say(Severity::Info, preflight_line(inputs)));
         }
-        self.has_asked_to_arm |= is_companion;
+        if is_companion {
+            self.has_asked_to_arm = true;
+            self.called_off_at = None;
+        }
         let command =
             if is_companion { VehicleCommand::Arm } else { VehicleCommand::EnterCompanionMode };
         self.ask(command, inputs.now, effects);
@@ -181,6 +192,9 @@ impl Mission {
         // Somebody may stand on the way home: a hold asked for on it is kept.
         let is_kept = self.hold_cause == HoldCause::Operator && self.resume_to == Phase::Return;
         if !is_kept && self.returns_on_battery(inputs, effects) {
+            return;
+        }
+        if self.lands_far_off(inputs, effects) {
             return;
         }
         let is_recovered = match self.hold_cause {

@@ -117,6 +117,22 @@ impl Mission {
         false
     }
 
+    /// In a hold: a vehicle that stays far from where it is held, for something is near where it is, does not
+    /// follow. True if it lands.
+    pub(super) fn lands_far_off(&mut self, inputs: &Inputs, effects: &mut Vec<Effect>) -> bool {
+        let off_m = inputs.off_track_m.unwrap_or(0.0);
+        let is_off = off_m > self.settings.max_off_track_m;
+        self.off_track_since = since(self.off_track_since, is_off, inputs.now);
+        let patience = self.settings.land_after_intrusion;
+        if !self.off_track_since.is_some_and(|at| inputs.now.since(at) > patience) {
+            return false;
+        }
+        let text = format!("stays {off_m:.1} m off its place: landing");
+        effects.push(Effect::Say(Severity::Critical, text));
+        self.enter(Phase::Land, "does not follow its trajectory", inputs.now, effects);
+        true
+    }
+
     /// Counts that the vehicle did not follow. True if that was once too often.
     fn lands_off_track(&mut self, off_m: f64, now: Stamp<Mono>, effects: &mut Vec<Effect>) -> bool {
         self.n_off_track += 1;
