@@ -124,7 +124,7 @@ impl Mission {
         let is_off = off_m > self.settings.max_off_track_m;
         self.off_track_since = since(self.off_track_since, is_off, inputs.now);
         let patience = self.settings.land_after_intrusion;
-        if !self.off_track_since.is_some_and(|at| inputs.now.since(at) > patience) {
+        if self.off_track_since.is_none_or(|at| inputs.now.since(at) <= patience) {
             return false;
         }
         let text = format!("stays {off_m:.1} m off its place: landing");
@@ -153,7 +153,7 @@ impl Mission {
             _ => self.intruding_since,
         };
         let patience = self.settings.land_after_intrusion;
-        if !began_at.is_some_and(|at| inputs.now.since(at) > patience) {
+        if began_at.is_none_or(|at| inputs.now.since(at) <= patience) {
             return false;
         }
         let text = "does not get clear: landing".to_owned();
