@@ -34,8 +34,8 @@ use crate::geometry::{Hall, Point};
 use crate::localization::{self, Localizer};
 use crate::mapping::{self, Mapper};
 use crate::messages::{
-    AutopilotPose, BatterySample, NavEstimate, Scan, ScanCorrection, Severity, StatusText,
-    StorageState, VehicleState, VolumeAccount,
+    AutopilotPose, BatterySample, LandedState, NavEstimate, Scan, ScanCorrection, Severity,
+    StatusText, StorageState, VehicleState, VolumeAccount,
 };
 use crate::mission::{self, EnergyGauge, Mission, Phase};
 use crate::planning;
@@ -273,12 +273,12 @@ impl Pilot {
     /// yet, and the last surface is solved.
     #[must_use]
     pub fn is_at_rest(&self) -> bool {
-        let is_down = match self.mission.phase() {
-            Phase::Idle => !self.mission.may_arm_yet(self.now),
-            Phase::Abort => self.vehicle.is_none_or(|vehicle| !vehicle.is_armed),
-            _ => false,
-        };
-        is_down && self.ending.is_none()
+        let is_flying = self
+            .vehicle
+            .is_some_and(|vehicle| vehicle.is_armed && vehicle.landed != LandedState::OnGround);
+        let has_let_go = matches!(self.mission.phase(), Phase::Idle | Phase::Abort);
+        let may_start = self.mission.may_arm_yet(self.now);
+        has_let_go && !is_flying && !may_start && self.ending.is_none()
     }
 
     /// The map as it grows.

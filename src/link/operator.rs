@@ -23,6 +23,8 @@ pub(crate) struct OperatorDesk {
     accepted: Option<Accepted>,
     /// The last accepted start, if another wish has been accepted since.
     called_off: Option<Accepted>,
+    /// The service ends: a flight that begins now would be left alone in the air.
+    refuses_starts: bool,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -39,14 +41,20 @@ impl Accepted {
 }
 
 impl OperatorDesk {
-    /// False for a start that was called off meanwhile: it must be refused.
+    /// From now on no start passes.
+    pub(crate) const fn refuse_starts(&mut self) {
+        self.refuses_starts = true;
+    }
+
+    /// False for a start that was called off meanwhile, or that comes too late: it must be refused.
     pub(crate) fn passes(
         &self,
         verb: OperatorVerb,
         from: OperatorRequest,
         now: Stamp<Mono>,
     ) -> bool {
-        self.called_off.is_none_or(|start| !start.is_repeated_by(verb, from, now))
+        let is_too_late = self.refuses_starts && verb.is_start();
+        !is_too_late && self.called_off.is_none_or(|start| !start.is_repeated_by(verb, from, now))
     }
 
     /// The answer to give for what the mission says: yes, too, to what was done a moment ago.
@@ -82,6 +90,17 @@ mod tests {
 
     fn answer(verb: OperatorVerb, is_accepted: bool) -> OperatorAnswer {
         OperatorAnswer { verb, to: PERSON, is_accepted }
+    }
+
+    #[test]
+    fn no_start_passes_while_the_service_ends() {
+        let mut desk = OperatorDesk::default();
+        assert!(desk.answer(&answer(OperatorVerb::Start, true), at_s(0)));
+        desk.refuse_starts();
+        for verb in [OperatorVerb::Start, OperatorVerb::FlyGaps] {
+            assert!(!desk.passes(verb, PERSON, at_s(1)) && !desk.passes(verb, OTHER, at_s(1)));
+        }
+        assert!(desk.passes(OperatorVerb::Land, PERSON, at_s(1)));
     }
 
     #[test]

@@ -78,8 +78,6 @@ pub(super) struct Brain {
     status: ServiceStatus,
     status_tx: watch::Sender<ServiceStatus>,
     feed: Option<Feed>,
-    /// Somebody has asked for the end.
-    is_ending: bool,
     /// Who waits for the mission's answers to the own page, in their order.
     wished: VecDeque<Wish>,
     last_tick: Arc<AtomicI64>,
@@ -116,7 +114,6 @@ impl Brain {
             status: ServiceStatus::default(),
             status_tx,
             feed,
-            is_ending: false,
             wished: VecDeque::new(),
             last_tick: Arc::new(AtomicI64::new(now.nanos())),
             warned: (now, 0, WARN_EVERY),
@@ -159,8 +156,8 @@ impl Brain {
     /// A vehicle in the air lands before the brain ends, with ODOMETRY to the ground: left to itself, one
     /// that has no other position than ours drifts until its own failsafe notices, and lands blind.
     async fn land_first(&mut self, inputs: &mut Inputs) {
-        self.is_ending = true;
-        if self.pilot.phase().is_steering()
+        self.session.refuse_starts();
+        if !self.is_at_rest()
             && let Some(event) = self.session.on_own_wish(OperatorVerb::Land, self.clock.now())
         {
             self.events.push_back(event);
@@ -276,26 +273,12 @@ impl Brain {
         self.events.extend(self.out.events.drain(..));
     }
 
-    /// What is answered to a start that comes while the brain ends: it would end in the air.
-    fn refusal(&self, event: &Event) -> Option<OperatorAnswer> {
-        match event {
-            Event::Operator(command) if self.is_ending && command.verb.is_start() => {
-                Some(OperatorAnswer { verb: command.verb, to: command.from, is_accepted: false })
-            }
-            _ => None,
-        }
-    }
-
     /// Steps the brain until no event waits.
     fn work_off(&mut self) {
         while let Some(event) = self.events.pop_front() {
-            let now = self.clock.now();
-            if let Some(refusal) = self.refusal(&event) {
-                self.act(now, Action::Answer(refusal));
-                continue;
-            }
             self.status.stats.events += 1;
             self.witness_event(&event);
+            let now = self.clock.now();
             if let Some(recorder) = &mut self.recorder {
                 recorder.event(now, &event);
             }

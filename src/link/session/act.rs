@@ -51,6 +51,11 @@ impl Session {
         self.count_sent(sent_before, out);
     }
 
+    /// The service ends: no start is taken any more.
+    pub const fn refuse_starts(&mut self) {
+        self.operators.refuse_starts();
+    }
+
     /// True while a command to the autopilot is under way.
     #[must_use]
     pub const fn awaits_answers(&self) -> bool {

@@ -174,6 +174,7 @@ impl Mission {
         }
         if !inputs.has_position {
             self.recovered_since = None;
+            self.off_track_since = None;
             let patience = if inputs.is_late {
                 self.settings.land_after_late
             } else {
