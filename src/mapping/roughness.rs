@@ -17,7 +17,7 @@
 //! (0.32 ± 0.18) · b(μ) · 2.2 σ_ε/cell
 //! ```
 //! is taken off, fitted to both. Smooth piles show none.
-//! Checked: `hidden_hollows_match_cast_beams` of the simulator.
+//! Checked: `hidden_hollows_match_cast_beams` of the simulator for `b(μ)`; the share by whole flights only.
 
 use super::datum::Datum;
 use crate::time::{Mono, Stamp};
@@ -42,12 +42,12 @@ pub fn hidden_m(roughness_m: f64, cell_m: f64, descent: f64) -> f64 {
 }
 
 /// What is left of that where the ground was seen from several sides, m, but for [`OCCLUSION_SHARE`]:
-/// `b(μ) · 2.2 σ_ε/cell`. A hollow hides from all of them if its flanks are steeper than the beams, and
+/// `b(μ) · min(1, 2.2 σ_ε/cell)`. A hollow hides from all of them if its flanks are steeper than the beams, and
 /// the steeper the ground is below the cell size, the more of its hollows are like that.
 #[must_use]
 pub fn hidden_from_all_sides_m(roughness_m: f64, cell_m: f64, descent: f64) -> f64 {
     const SLOPE: f64 = 2.2;
-    hidden_m(roughness_m, cell_m, descent) * SLOPE * roughness_m / cell_m
+    hidden_m(roughness_m, cell_m, descent) * (SLOPE * roughness_m / cell_m).min(1.0)
 }
 
 /// Collects what data differ from the surface by, square by square, to tell how rough the ground is.
@@ -248,5 +248,9 @@ mod tests {
         assert!(hidden_m(0.0, 0.25, 0.5).abs() < 1e-15);
         // 0.04/(1 + (1 · 0.25/0.136)²)
         assert!((hidden_m(0.04, 0.25, 1.0) - 0.009_134).abs() < 1e-6);
+        // Times 2.2 · 0.04/0.25; and never more than all of it.
+        assert!((hidden_from_all_sides_m(0.04, 0.25, 1.0) - 0.003_215).abs() < 1e-6);
+        let steepest = hidden_from_all_sides_m(0.2, 0.25, 1.0);
+        assert!((steepest - hidden_m(0.2, 0.25, 1.0)).abs() < 1e-15);
     }
 }
