@@ -49,6 +49,13 @@ struct Velocity {
 impl Velocity {
     /// On the ground.
     const NONE: Self = Self { mps: Vector3::new(0.0, 0.0, 0.0), sigma_mps: IN_FLIGHT[0].1 };
+
+    /// Another velocity, if this one does not speak against it.
+    fn not_contradicted(&self, mps: Vector3<f64>) -> Option<Self> {
+        const MOST_SIGMAS: f64 = 2.0;
+        let is_near = (mps - self.mps).norm() < MOST_SIGMAS * self.sigma_mps;
+        is_near.then_some(Self { mps, sigma_mps: IN_FLIGHT[0].1 })
+    }
 }
 
 /// This many agreeing fixes in a row outvote the filter: half a second at 20 Hz.
@@ -339,10 +346,14 @@ impl Localizer {
             return;
         }
         let may_relocate = n_tags >= MIN_TAGS_TO_RELOCATE || self.is_on_ground;
-        let is_outvoted = may_relocate && self.gated.outvotes_filter(at, &fix.outcome);
+        let is_outvoted = self.gated.outvotes_filter(at, &fix.outcome) && may_relocate;
         let velocity = self.velocity_of_fixes().filter(|_| is_outvoted);
-        record.verdict =
-            velocity.map_or(Verdict::Gated, |velocity| self.restart(at, fix, velocity));
+        record.verdict = velocity.map_or(Verdict::Gated, |of_fixes| {
+            // The filter knows its velocity far better, unless it has run away with it.
+            let own = self.ring.as_ref().map(|ring| ring.newest().velocity_mps);
+            let velocity = own.and_then(|own| of_fixes.not_contradicted(own));
+            self.restart(at, fix, velocity.unwrap_or(of_fixes))
+        });
     }
 
     fn note_fused(&mut self, at: Stamp<Mono>, record: &mut FixRecord) {
