@@ -84,11 +84,9 @@ pub struct FramePlaced {
     pub fallback: Option<(PlacedFix, Innovation)>,
 }
 
-/// A sample stands for this long without a penalty, s: one period of an autopilot that sends 200 a second.
-const EVEN_GAP_S: f64 = 0.008;
-/// From this gap on all is possible that the vehicle may do unseen, s; in between its share grows evenly.
-const UNSEEN_GAP_S: f64 = 0.04;
-/// What the vehicle may do unseen in a gap: forces and turns that hold all through it.
+/// A sample stands for this long without a penalty, s: three periods of a slow autopilot.
+const EVEN_GAP_S: f64 = 0.03;
+/// What the vehicle may do unseen in a longer gap: forces and turns that hold all through it.
 const UNSEEN_ACCEL_MPS2: f64 = 2.0;
 const UNSEEN_RATE_RADPS: f64 = 1.0;
 
@@ -304,8 +302,7 @@ impl Ring {
         if gap_s <= EVEN_GAP_S {
             return self.noise;
         }
-        let share = ((gap_s - EVEN_GAP_S) / (UNSEEN_GAP_S - EVEN_GAP_S)).min(1.0);
-        let root = share * gap_s.sqrt();
+        let root = gap_s.sqrt();
         ImuNoise {
             accel_density_mps2_rthz: self
                 .noise

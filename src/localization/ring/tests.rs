@@ -193,7 +193,7 @@ fn difference(a: &FilterState, b: &FilterState) -> Error {
 }
 
 /// Irregular sample times, ms.
-const SAMPLES_MS: [i64; 12] = [4, 9, 17, 21, 29, 34, 41, 48, 56, 63, 71, 79];
+const SAMPLES_MS: [i64; 12] = [4, 9, 17, 21, 30, 34, 41, 52, 58, 63, 70, 79];
 /// Irregular times of fixes, ms; the second falls on a sample.
 const FIXES_MS: [i64; 3] = [25, 41, 66];
 
