@@ -14,7 +14,7 @@
 //! seventh over alps twice as steep, seed by seed the more the rougher the ground. So
 //!
 //! ```text
-//! (0.32 ± 0.18) · b(μ) · 2.2 σ_ε/cell
+//! (0.32 ± 0.18) · b(μ) · min(1, 2.2 σ_ε/cell)
 //! ```
 //! is taken off, fitted to both. Smooth piles show none.
 //! Checked: `hidden_hollows_match_cast_beams` of the simulator for `b(μ)`; the share by whole flights only.
