@@ -21,6 +21,7 @@ pub mod hall;
 pub mod hazards;
 pub mod judge;
 pub mod lidar;
+pub mod lidar_faults;
 mod lidar_catalogue;
 pub mod lidar_command;
 pub mod load;

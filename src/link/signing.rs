@@ -5,9 +5,10 @@
 //! sign; nothing is hidden from those who listen.
 //!
 //! A frame is refused if its signature is wrong, if its timestamp is not later than the last one
-//! of its stream (link, system, component), if it begins a stream more than a minute in the past,
-//! or if it is further in the future than the settings allow. A few messages may come unsigned,
-//! such as the heartbeat, but only from a component that has not signed yet.
+//! of its stream (link, system, component), if it begins a stream more than a minute in the past or
+//! with a stamp that an earlier run may have heard, or if it is further in the future than the settings
+//! allow. A few messages may come unsigned, such as the heartbeat, but only from a component that has
+//! not signed yet.
 //!
 //! Source: MAVLink guide, "Message Signing". The hash is the `mavlink` crate's; its own state is
 //! not used, for it keeps no timestamp over a restart, takes all unsigned messages or none, and is
@@ -67,10 +68,19 @@ pub enum Refusal {
     WrongSignature,
     /// Its stamp is not later than the last one of its stream: sent again by somebody.
     Replayed,
-    /// It begins a stream in the past.
+    /// It begins a stream in the past, or in the time of an earlier run.
     Old,
     /// Its stamp lies too far in the future.
     FromFuture,
+}
+
+/// What a frame that may be listened to has shown of its sender.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Proof {
+    /// That it has the key.
+    Signed,
+    /// Nothing: the message may come from anybody.
+    NotNeeded,
 }
 
 /// Signs what leaves and judges what comes in.
@@ -115,7 +125,7 @@ impl Signing {
     ///
     /// # Errors
     /// Why it must not be listened to.
-    pub fn judge(&mut self, frame: &MAVLinkMessageRaw) -> Result<(), Refusal> {
+    pub fn judge(&mut self, frame: &MAVLinkMessageRaw) -> Result<Proof, Refusal> {
         let verdict = match frame {
             MAVLinkMessageRaw::V2(v2) if v2.incompatibility_flags() & IS_SIGNED != 0 => {
                 self.judge_signed(v2)
@@ -124,7 +134,11 @@ impl Signing {
         };
         let may_be_unsigned = self.accept_unsigned.contains(&frame.message_id())
             && !self.has_signed(frame.system_id(), frame.component_id());
-        if may_be_unsigned { Ok(()) } else { verdict }
+        match verdict {
+            Ok(()) => Ok(Proof::Signed),
+            Err(_) if may_be_unsigned => Ok(Proof::NotNeeded),
+            Err(refusal) => Err(refusal),
+        }
     }
 
     fn judge_signed(&mut self, frame: &MAVLinkV2MessageRaw) -> Result<(), Refusal> {
@@ -142,7 +156,10 @@ impl Signing {
             None => {
                 let oldest =
                     self.stamps.latest().saturating_sub(NEW_STREAM_WITHIN_S * UNITS_PER_SECOND);
-                if stamp < oldest || self.streams.len() >= MAX_STREAMS {
+                // The streams of earlier runs are forgotten, so none of their stamps may count again. Who
+                // hears this side catches up at once: the protocol sets its clock by ours.
+                let is_of_earlier_run = stamp <= self.stamps.first();
+                if stamp < oldest || is_of_earlier_run || self.streams.len() >= MAX_STREAMS {
                     return Err(Refusal::Old);
                 }
             }

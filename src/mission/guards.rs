@@ -41,6 +41,8 @@ pub struct Settings {
     pub land_heading_disagreement_rad: f64,
     /// A larger difference of either kind must last this long before it counts.
     pub disagrees_for: Duration,
+    /// In flight it lands when the autopilot's place cannot be compared for so long.
+    pub land_after_untold: Duration,
     /// Nearer than planned to something by more than this, m, it holds.
     pub max_intrusion_m: f64,
     /// Still too near after this long in a hold, it lands.
@@ -79,6 +81,7 @@ impl Default for Settings {
             max_heading_disagreement_rad: 10_f64.to_radians(),
             land_heading_disagreement_rad: 15_f64.to_radians(),
             disagrees_for: Duration::from_millis(500),
+            land_after_untold: Duration::from_secs(3),
             max_intrusion_m: 0.15,
             land_after_intrusion: Duration::from_secs(3),
             max_off_track_m: 1.0,
@@ -109,11 +112,17 @@ pub enum PreflightFault {
     /// It stands nowhere.
     #[error("the autopilot does not report to stand on the ground")]
     NotOnGround,
+    /// Its samples cannot be dated, or do not come.
+    #[error(
+        "no inertial samples that can be dated: does the link take over 10 ms there and back, or \
+         does the autopilot not send them?"
+    )]
+    NoSamples,
     /// The own place is not known well enough.
     #[error("no trusted position: are markers in view?")]
     NoPosition,
-    /// No beams arrive.
-    #[error("the LiDAR is silent")]
+    /// No beams arrive that measure anything.
+    #[error("the LiDAR measures nothing: is it plugged in, turning, its window free?")]
     NoLidar,
     /// No battery message yet.
     #[error("the battery is unknown")]
@@ -144,6 +153,12 @@ pub enum PreflightFault {
         /// Its heading against the own one, deg.
         degrees: f64,
     },
+    /// Its place cannot be compared.
+    #[error(
+        "the autopilot does not tell its position: does it fuse the ODOMETRY and send \
+         LOCAL_POSITION_NED?"
+    )]
+    PositionUntold,
     /// Its heading cannot be compared.
     #[error("the autopilot does not tell its heading: does it send ATTITUDE_QUATERNION?")]
     HeadingUnknown,
@@ -207,8 +222,6 @@ pub(super) fn preflight_checks(inputs: &Inputs, settings: &Settings) -> Vec<Pref
     let is_turned = heading_deg
         .is_some_and(|degrees| degrees.abs() > settings.max_heading_error_rad.to_degrees());
     let heading = PreflightFault::Heading { degrees: heading_deg.unwrap_or(0.0) };
-    let metres = inputs.disagreement_m.unwrap_or(0.0);
-    let is_elsewhere = metres > settings.max_disagreement_m;
     let is_lost = inputs.is_autopilot_lost;
     let is_standing = vehicle.landed == LandedState::OnGround;
     let sigma = inputs.position_sigma_m.map_or_else(
@@ -249,16 +262,16 @@ pub(super) fn preflight_checks(inputs: &Inputs, settings: &Settings) -> Vec<Pref
             Fault::NotOnGround,
             word(!is_standing, "not said", "on the ground"),
         ),
+        line("inertial samples", !inputs.has_samples, Fault::NoSamples, word(!inputs.has_samples, "none", "dated")),
         line("position", !inputs.has_position, Fault::NoPosition, sigma),
-        line(
+        check(
             "autopilot's position",
-            is_elsewhere,
-            Fault::Disagreement { metres },
             off(inputs.disagreement_m.map(|m| 100.0 * m), " cm"),
+            place_fault(inputs, settings),
         ),
         heading_check(inputs, settings),
         line("heading", is_turned, heading, off(heading_deg.map(f64::abs), "°")),
-        line("LiDAR", !has_lidar, Fault::NoLidar, word(!has_lidar, "silent", "measuring")),
+        line("LiDAR", !has_lidar, Fault::NoLidar, word(!has_lidar, "measuring nothing", "measuring")),
         line("waypoints", !inputs.has_plan, Fault::NoPlan, word(!inputs.has_plan, "none", "found")),
         battery_check(inputs, settings),
         check("mode switch", mode_news(vehicle.is_mode_prompt).to_owned(), None),
@@ -269,6 +282,17 @@ pub(super) fn preflight_checks(inputs: &Inputs, settings: &Settings) -> Vec<Pref
 
 const fn mode_news(is_prompt: bool) -> &'static str {
     if is_prompt { "seen at once" } else { "seen up to 1 s late" }
+}
+
+/// A place that was not compared may be anywhere.
+fn place_fault(inputs: &Inputs, settings: &Settings) -> Option<PreflightFault> {
+    match inputs.disagreement_m {
+        Some(metres) if metres > settings.max_disagreement_m => {
+            Some(PreflightFault::Disagreement { metres })
+        }
+        Some(_) => None,
+        None => Some(PreflightFault::PositionUntold),
+    }
 }
 
 fn heading_check(inputs: &Inputs, settings: &Settings) -> PreflightCheck {

@@ -70,7 +70,7 @@ pub enum LedgerError {
 #[derive(Debug)]
 pub(super) struct Stamps {
     wall: WallClock,
-    /// No run before this one has used it or a later one.
+    /// No run before this one has used or believed a later one; 0 without one.
     first: u64,
     /// The last stamp that was used or believed.
     latest: u64,
@@ -89,6 +89,11 @@ impl Stamps {
         let writer = spawn_writer(path.to_owned())
             .map_err(|source| LedgerError::Io { path: path.to_owned(), source })?;
         Ok(Self { wall, first, latest: first, reserved, writer })
+    }
+
+    /// No run before this one has used or believed a later stamp; 0 if there was none.
+    pub(super) const fn first(&self) -> u64 {
+        self.first
     }
 
     /// The own time, whatever others say.

@@ -180,3 +180,36 @@ fn what_wrong_poses_have_seen_is_forgotten() {
         assert_eq!(volumes(&mapper), volumes(&as_if_never), "{method:?}");
     }
 }
+
+#[test]
+fn a_scan_measures_where_distances_in_reach_come_from_several_directions() {
+    let mapper = Mapper::new(settings(Method::KalmanGrid));
+    let scan = |ranges_m: &dyn Fn(u8) -> f32, step_rad: f32| Scan {
+        start: Stamp::from_nanos(1_000),
+        beams: (0..100)
+            .map(|k| Beam {
+                offset_ns: 10 * u32::from(k),
+                angle_rad: f32::from(k) * step_rad,
+                range_m: ranges_m(k),
+                intensity: 9,
+            })
+            .collect(),
+    };
+    let measured_ns =
+        |scan: &Scan| mapper.measured_at(scan).map(|at| at.nanos()).unwrap_or_default();
+    assert_eq!(measured_ns(&scan(&|_| 4.0, 0.025)), 1_990);
+    assert_eq!(measured_ns(&scan(&|k| if k < 50 { 4.0 } else { 0.0 }, 0.025)), 1_490);
+    // Nothing comes back, all too near or too far, a head that stands, the own body alone.
+    for (range_m, step_rad) in [(0.0, 0.025), (0.05, 0.025), (12.5, 0.025), (4.0, 0.0)] {
+        assert_eq!(mapper.measured_at(&scan(&|_| range_m, step_rad)), None, "{range_m} m");
+    }
+    let in_blind_sector = Scan {
+        beams: scan(&|_| 4.0, 0.005)
+            .beams
+            .into_iter()
+            .map(|beam| Beam { angle_rad: 2.65 + beam.angle_rad, ..beam })
+            .collect(),
+        start: Stamp::from_nanos(1_000),
+    };
+    assert_eq!(mapper.measured_at(&in_blind_sector), None);
+}
