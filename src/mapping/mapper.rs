@@ -290,7 +290,9 @@ impl Mapper {
         let (low_rad, high_rad) = of_use
             .clone()
             .map(|beam| f64::from(beam.angle_rad))
-            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), at| (low.min(at), high.max(at)));
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), at| {
+                (low.min(at), high.max(at))
+            });
         let is_turning = high_rad - low_rad > LEAST_TURN_RAD;
         of_use.last().filter(|_| is_turning).map(|beam| scan.beam_at(beam))
     }

@@ -262,7 +262,12 @@ pub(super) fn preflight_checks(inputs: &Inputs, settings: &Settings) -> Vec<Pref
             Fault::NotOnGround,
             word(!is_standing, "not said", "on the ground"),
         ),
-        line("inertial samples", !inputs.has_samples, Fault::NoSamples, word(!inputs.has_samples, "none", "dated")),
+        line(
+            "inertial samples",
+            !inputs.has_samples,
+            Fault::NoSamples,
+            word(!inputs.has_samples, "none", "dated"),
+        ),
         line("position", !inputs.has_position, Fault::NoPosition, sigma),
         check(
             "autopilot's position",
@@ -271,7 +276,12 @@ pub(super) fn preflight_checks(inputs: &Inputs, settings: &Settings) -> Vec<Pref
         ),
         heading_check(inputs, settings),
         line("heading", is_turned, heading, off(heading_deg.map(f64::abs), "°")),
-        line("LiDAR", !has_lidar, Fault::NoLidar, word(!has_lidar, "measuring nothing", "measuring")),
+        line(
+            "LiDAR",
+            !has_lidar,
+            Fault::NoLidar,
+            word(!has_lidar, "measuring nothing", "measuring"),
+        ),
         line("waypoints", !inputs.has_plan, Fault::NoPlan, word(!inputs.has_plan, "none", "found")),
         battery_check(inputs, settings),
         check("mode switch", mode_news(vehicle.is_mode_prompt).to_owned(), None),

@@ -192,12 +192,22 @@ fn unsigned_heartbeats_count_until_their_sender_has_signed() {
     assert_eq!(signing.judge(&unsigned(&heartbeat(), (1, 1))), Ok(Proof::NotNeeded));
     assert_eq!(signing.judge(&unsigned(&command(), (1, 1))), Err(Refusal::Unsigned));
     // Even with a wrong signature it is as good as an unsigned one.
-    assert_eq!(signing.judge(&signed(&heartbeat(), (1, 1), NEW_YEAR, &[9; 32])), Ok(Proof::NotNeeded));
-    assert_eq!(signing.judge(&signed(&command(), (1, 1), NEW_YEAR, &key_bytes())), Ok(Proof::Signed));
+    assert_eq!(
+        signing.judge(&signed(&heartbeat(), (1, 1), NEW_YEAR, &[9; 32])),
+        Ok(Proof::NotNeeded)
+    );
+    assert_eq!(
+        signing.judge(&signed(&command(), (1, 1), NEW_YEAR, &key_bytes())),
+        Ok(Proof::Signed)
+    );
     assert_eq!(signing.judge(&unsigned(&heartbeat(), (1, 1))), Err(Refusal::Unsigned));
     let forged = signed(&heartbeat(), (1, 1), NEW_YEAR + 5, &[9; 32]);
     assert_eq!(signing.judge(&forged), Err(Refusal::WrongSignature));
-    assert_eq!(signing.judge(&unsigned(&heartbeat(), (1, 51))), Ok(Proof::NotNeeded), "another component");
+    assert_eq!(
+        signing.judge(&unsigned(&heartbeat(), (1, 51))),
+        Ok(Proof::NotNeeded),
+        "another component"
+    );
 }
 
 #[test]

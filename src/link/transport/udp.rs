@@ -66,8 +66,15 @@ impl Socket {
     /// True if frames from `from` may be handed on. The first autopilot's heartbeat fixes the peer;
     /// another address takes its place only after a long silence, and only the same way. Where frames
     /// are signed, nobody takes a place without a signature, and who signs has it at once.
-    fn admits(&mut self, from: SocketAddr, frames: &[Admitted], signs: bool, now: Stamp<Mono>) -> bool {
-        let mut heartbeats = frames.iter().filter(|admitted| is_autopilot_heartbeat(&admitted.frame));
+    fn admits(
+        &mut self,
+        from: SocketAddr,
+        frames: &[Admitted],
+        signs: bool,
+        now: Stamp<Mono>,
+    ) -> bool {
+        let mut heartbeats =
+            frames.iter().filter(|admitted| is_autopilot_heartbeat(&admitted.frame));
         let is_autopilot = heartbeats.clone().next().is_some();
         let is_proven = heartbeats.any(|admitted| admitted.proof == Proof::Signed);
         if let Some(peer) = self.peer.as_mut().filter(|peer| peer.addr == from) {

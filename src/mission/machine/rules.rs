@@ -77,8 +77,7 @@ impl Mission {
         let is_untold =
             inputs.disagreement_m.is_none() && inputs.has_position && !inputs.is_autopilot_lost;
         self.untold_since = since(self.untold_since, is_untold, inputs.now);
-        let is_lasting =
-            |at: Stamp<Mono>| inputs.now.since(at) >= self.settings.land_after_untold;
+        let is_lasting = |at: Stamp<Mono>| inputs.now.since(at) >= self.settings.land_after_untold;
         let is_flown = self.is_steering() && self.phase != Phase::Preflight;
         if !is_flown || !self.untold_since.is_some_and(is_lasting) {
             return false;

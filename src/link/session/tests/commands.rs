@@ -103,8 +103,7 @@ fn nothing_unanswered_is_repeated_over_a_pilot_who_has_taken_the_vehicle() {
             take(&mut scene);
         }
         scene.tick(700);
-        let is_repeated =
-            commands(&scene.sent()).contains(&MavCmd::MAV_CMD_COMPONENT_ARM_DISARM);
+        let is_repeated = commands(&scene.sent()).contains(&MavCmd::MAV_CMD_COMPONENT_ARM_DISARM);
         assert_eq!(is_repeated, is_taken.is_none(), "a lost one is repeated else");
     }
 }
@@ -113,8 +112,12 @@ fn nothing_unanswered_is_repeated_over_a_pilot_who_has_taken_the_vehicle() {
 fn what_was_asked_before_a_landing_is_not_repeated_in_it() {
     let mut scene = Scene::heard();
     scene.acts(&Action::Command(VehicleCommand::Arm), 0);
-    let change =
-        PhaseChange { at: at_ms(100), from: Phase::Preflight, to: Phase::Land, reason: "operator".to_owned() };
+    let change = PhaseChange {
+        at: at_ms(100),
+        from: Phase::Preflight,
+        to: Phase::Land,
+        reason: "operator".to_owned(),
+    };
     scene.acts(&Action::PhaseChanged(change), 100);
     scene.acts(&Action::Command(VehicleCommand::EnterLand), 100);
     scene.sent();
