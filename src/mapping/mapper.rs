@@ -283,7 +283,7 @@ impl Mapper {
     #[must_use]
     pub fn measured_at(&self, scan: &Scan) -> Option<Stamp<Mono>> {
         let mount = &self.settings.lidar;
-        let of_use = scan.beams.iter().filter(|beam| {
+        let mut of_use = scan.beams.iter().filter(|beam| {
             (mount.min_range_m..=mount.max_range_m).contains(&f64::from(beam.range_m))
                 && !mount.is_blind(f64::from(beam.angle_rad))
         });
@@ -294,7 +294,7 @@ impl Mapper {
                 (low.min(at), high.max(at))
             });
         let is_turning = high_rad - low_rad > LEAST_TURN_RAD;
-        of_use.last().filter(|_| is_turning).map(|beam| scan.beam_at(beam))
+        of_use.next_back().filter(|_| is_turning).map(|beam| scan.beam_at(beam))
     }
 
     /// Counts a scan that cannot be placed in time.

@@ -1,7 +1,7 @@
 //! Limits of the mission and the list of what must hold before the motors turn.
 
 use super::decision::Inputs;
-use crate::messages::{LandedState, Room};
+use crate::messages::{LandedState, Room, VehicleState};
 use std::time::Duration;
 
 /// Times and levels at which the mission reacts.
@@ -204,17 +204,9 @@ pub(super) fn preflight_faults(inputs: &Inputs, settings: &Settings) -> Vec<Pref
 ///
 /// Without an autopilot it has one line: all others would repeat that nothing is known.
 pub(super) fn preflight_checks(inputs: &Inputs, settings: &Settings) -> Vec<PreflightCheck> {
-    let check = |subject, found: String, fault: Option<PreflightFault>| PreflightCheck {
-        subject,
-        found,
-        fault,
-    };
     let Some(vehicle) = inputs.vehicle else {
         return vec![check("autopilot", "silent".to_owned(), Some(PreflightFault::NoAutopilot))];
     };
-    let line =
-        |subject, fails: bool, fault, found: String| check(subject, found, fails.then_some(fault));
-    let word = |fails: bool, bad: &str, good: &str| (if fails { bad } else { good }).to_owned();
     let off = |number: Option<f64>, unit: &str| {
         number.map_or_else(|| "unknown".to_owned(), |n| format!("{n:.0}{unit} off"))
     };
@@ -222,72 +214,69 @@ pub(super) fn preflight_checks(inputs: &Inputs, settings: &Settings) -> Vec<Pref
     let is_turned = heading_deg
         .is_some_and(|degrees| degrees.abs() > settings.max_heading_error_rad.to_degrees());
     let heading = PreflightFault::Heading { degrees: heading_deg.unwrap_or(0.0) };
-    let is_lost = inputs.is_autopilot_lost;
-    let is_standing = vehicle.landed == LandedState::OnGround;
     let sigma = inputs.position_sigma_m.map_or_else(
         || "unknown".to_owned(),
         |sigma_m| format!("1-sigma {:.1} cm", 100.0 * sigma_m),
     );
-    let has_lidar = inputs.has_lidar;
     use PreflightFault as Fault;
-    let mut checks = vec![
-        line("autopilot", is_lost, Fault::NoAutopilot, word(is_lost, "silent", "heard")),
-        line(
-            "autopilot's start-up",
-            !vehicle.is_ready,
-            Fault::NotReady,
-            word(!vehicle.is_ready, "under way", "done"),
-        ),
-        line(
-            "other autopilots",
-            vehicle.is_contested,
-            Fault::SecondAutopilot,
-            word(vehicle.is_contested, "one heard", "none"),
-        ),
-        line(
-            "failsafe",
-            vehicle.in_failsafe,
-            Fault::InFailsafe,
-            word(vehicle.in_failsafe, "active", "none"),
-        ),
-        line(
-            "motors",
-            vehicle.is_armed,
-            Fault::ArmedAlready,
-            word(vehicle.is_armed, "armed", "disarmed"),
-        ),
-        line(
-            "vehicle",
-            !is_standing,
-            Fault::NotOnGround,
-            word(!is_standing, "not said", "on the ground"),
-        ),
-        line(
-            "inertial samples",
-            !inputs.has_samples,
-            Fault::NoSamples,
-            word(!inputs.has_samples, "none", "dated"),
-        ),
-        line("position", !inputs.has_position, Fault::NoPosition, sigma),
+    let mut checks = vehicle_checks(inputs, &vehicle);
+    checks.extend([
+        either("inertial samples", inputs.has_samples, "dated", "none", Fault::NoSamples),
+        check("position", sigma, (!inputs.has_position).then_some(Fault::NoPosition)),
         check(
             "autopilot's position",
             off(inputs.disagreement_m.map(|m| 100.0 * m), " cm"),
             place_fault(inputs, settings),
         ),
         heading_check(inputs, settings),
-        line("heading", is_turned, heading, off(heading_deg.map(f64::abs), "°")),
-        line(
-            "LiDAR",
-            !has_lidar,
-            Fault::NoLidar,
-            word(!has_lidar, "measuring nothing", "measuring"),
-        ),
-        line("waypoints", !inputs.has_plan, Fault::NoPlan, word(!inputs.has_plan, "none", "found")),
+        check("heading", off(heading_deg.map(f64::abs), "°"), is_turned.then_some(heading)),
+        either("LiDAR", inputs.has_lidar, "measuring", "measuring nothing", Fault::NoLidar),
+        either("waypoints", inputs.has_plan, "found", "none", Fault::NoPlan),
         battery_check(inputs, settings),
         check("mode switch", mode_news(vehicle.is_mode_prompt).to_owned(), None),
-    ];
+    ]);
     checks.extend(storage_check(inputs));
     checks
+}
+
+/// What the autopilot says of itself.
+fn vehicle_checks(inputs: &Inputs, vehicle: &VehicleState) -> Vec<PreflightCheck> {
+    use PreflightFault as Fault;
+    let is_standing = vehicle.landed == LandedState::OnGround;
+    vec![
+        either("autopilot", !inputs.is_autopilot_lost, "heard", "silent", Fault::NoAutopilot),
+        either("autopilot's start-up", vehicle.is_ready, "done", "under way", Fault::NotReady),
+        either(
+            "other autopilots",
+            !vehicle.is_contested,
+            "none",
+            "one heard",
+            Fault::SecondAutopilot,
+        ),
+        either("failsafe", !vehicle.in_failsafe, "none", "active", Fault::InFailsafe),
+        either("motors", !vehicle.is_armed, "disarmed", "armed", Fault::ArmedAlready),
+        either("vehicle", is_standing, "on the ground", "not said", Fault::NotOnGround),
+    ]
+}
+
+const fn check(
+    subject: &'static str,
+    found: String,
+    fault: Option<PreflightFault>,
+) -> PreflightCheck {
+    PreflightCheck { subject, found, fault }
+}
+
+/// A line with two outcomes.
+fn either(
+    subject: &'static str,
+    is_good: bool,
+    good: &str,
+    bad: &str,
+    fault: PreflightFault,
+) -> PreflightCheck {
+    let found = if is_good { good } else { bad };
+    check(subject, found.to_owned(), (!is_good).then_some(fault))
 }
 
 const fn mode_news(is_prompt: bool) -> &'static str {

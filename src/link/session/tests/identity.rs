@@ -81,7 +81,7 @@ fn is_contested_after(sequences: impl Iterator<Item = u8>) -> bool {
 
 #[test]
 fn two_autopilots_with_one_number_are_noticed_by_their_numbering() {
-    let plain = |n: u32| (n % 256) as u8;
+    let plain = |n: u32| u8::try_from(n % 256).unwrap();
     assert!(!is_contested_after((0..400).map(plain)));
     // Overtaking, losses and a restart are no second one.
     assert!(!is_contested_after((0..400).map(|n| plain(if n % 4 == 3 { n - 3 } else { n }))));
