@@ -60,6 +60,8 @@ pub struct Settings {
     pub way_home_factor: f64,
     /// No take-off with the heading further than this from the survey's, rad.
     pub max_heading_error_rad: f64,
+    /// Somebody has said that the hall is no zone of explosive dust, or has released it.
+    pub is_dust_cleared: bool,
 }
 
 impl Default for Settings {
@@ -90,6 +92,7 @@ impl Default for Settings {
             battery_empty_for: Duration::from_millis(2_500),
             way_home_factor: 1.5,
             max_heading_error_rad: 0.4,
+            is_dust_cleared: true,
         }
     }
 }
@@ -179,6 +182,9 @@ pub enum PreflightFault {
     /// The flight could not be computed again.
     #[error("the log has failed: mend the disk, then restart stockpilot")]
     NoLog,
+    /// Dust may explode.
+    #[error("nobody has said that this hall is no dust zone, or released it: hall.dust_zone")]
+    DustZone,
     /// No waypoints.
     #[error("no feasible waypoint: check marker map, region and quality threshold")]
     NoPlan,
@@ -233,6 +239,13 @@ pub(super) fn preflight_checks(inputs: &Inputs, settings: &Settings) -> Vec<Pref
         either("LiDAR", inputs.has_lidar, "measuring", "measuring nothing", Fault::NoLidar),
         either("waypoints", inputs.has_plan, "found", "none", Fault::NoPlan),
         battery_check(inputs, settings),
+        either(
+            "dust zone",
+            settings.is_dust_cleared,
+            "none, or released",
+            "not declared",
+            Fault::DustZone,
+        ),
         check("mode switch", mode_news(vehicle.is_mode_prompt).to_owned(), None),
     ]);
     checks.extend(storage_check(inputs));
