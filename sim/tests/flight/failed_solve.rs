@@ -34,7 +34,7 @@ fn flown(seed: u64) -> (Config, Vec<(Stamp<Mono>, Event)>, JobId) {
 fn again(
     config: &Config,
     events: &[(Stamp<Mono>, Event)],
-    replaced: Option<(JobId, JobOutput)>,
+    replaced: Option<&(JobId, JobOutput)>,
 ) -> (FlightSummary, Vec<String>, usize, bool) {
     let folder = tempfile::tempdir().expect("a folder");
     let log = folder.path().join("flight.mcap");
@@ -43,7 +43,7 @@ fn again(
     let mut pilot = Pilot::new(config.pilot_settings().expect("valid"));
     let (mut summary, mut texts, mut n_final) = (None, Vec::new(), 0);
     for (now, event) in events {
-        let event = match (event, &replaced) {
+        let event = match (event, replaced) {
             (Event::Finished { at, id, .. }, Some((wanted, output))) if id == wanted => {
                 Event::Finished { at: *at, id: *id, output: Box::new(output.clone()) }
             }
@@ -76,10 +76,10 @@ fn volumes_of_a_flight_whose_last_solve_fails_are_not_final() {
     assert!(!texts.iter().any(|text| text.contains("no final volume")), "{texts:?}");
     let refused = JobOutput::SurfaceSolved(Err(SolveError::Grid(GpError::NotPositiveDefinite)));
     for output in [JobOutput::Died, refused] {
-        let (summary, texts, n_final, is_final) =
-            again(&config, &events, Some((last_solve, output.clone())));
-        assert!(!summary.is_final && !is_final, "{output:?}");
-        assert_eq!(n_final, 0, "no volume goes to the ground as the final one: {output:?}");
+        let replaced = (last_solve, output);
+        let (summary, texts, n_final, is_final) = again(&config, &events, Some(&replaced));
+        assert!(!summary.is_final && !is_final, "{replaced:?}");
+        assert_eq!(n_final, 0, "no volume goes to the ground as the final one: {replaced:?}");
         assert!(texts.iter().any(|text| text.contains("no final volume")), "{texts:?}");
     }
 }
