@@ -4,7 +4,6 @@
 
 mod calibrate;
 mod external_planner;
-mod failed_solve;
 mod fault_cases;
 mod faults;
 mod gaps;
