@@ -8,7 +8,7 @@
 //! of its stream (link, system, component), if it begins a stream more than a minute in the past or
 //! with a stamp that an earlier run may have heard, or if it is further in the future than the settings
 //! allow. A few messages may come unsigned, such as the heartbeat, but only from a component that has
-//! not signed yet.
+//! not signed yet; until then a heartbeat may also be signed with an old stamp.
 //!
 //! Source: MAVLink guide, "Message Signing". The hash is the `mavlink` crate's; its own state is
 //! not used, for it keeps no timestamp over a restart, takes all unsigned messages or none, and is
@@ -20,7 +20,8 @@ mod stamps;
 pub use key::{Key, KeyError};
 pub use stamps::{LedgerError, WallClock};
 
-use mavlink::{MAVLinkMessageRaw, MAVLinkV2MessageRaw};
+use mavlink::dialects::ardupilotmega::HEARTBEAT_DATA;
+use mavlink::{MAVLinkMessageRaw, MAVLinkV2MessageRaw, MessageData as _};
 use stamps::{Stamps, UNITS_PER_SECOND};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
@@ -75,12 +76,15 @@ pub enum Refusal {
 }
 
 /// What a frame that may be listened to has shown of its sender.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Proof {
-    /// That it has the key.
-    Signed,
     /// Nothing: the message may come from anybody.
     NotNeeded,
+    /// That somebody with the key once sent this heartbeat. It makes the acquaintance and no more: who
+    /// has no clock of its own gets ours with the first frame that it hears.
+    SignedBefore,
+    /// That it has the key.
+    Signed,
 }
 
 /// Signs what leaves and judges what comes in.
@@ -132,10 +136,12 @@ impl Signing {
             }
             _ => Err(Refusal::Unsigned),
         };
-        let may_be_unsigned = self.accept_unsigned.contains(&frame.message_id())
-            && !self.has_signed(frame.system_id(), frame.component_id());
+        let is_unproven = !self.has_signed(frame.system_id(), frame.component_id());
+        let may_be_unsigned = is_unproven && self.accept_unsigned.contains(&frame.message_id());
+        let is_heartbeat = frame.message_id() == HEARTBEAT_DATA::ID;
         match verdict {
             Ok(()) => Ok(Proof::Signed),
+            Err(Refusal::Old) if is_unproven && is_heartbeat => Ok(Proof::SignedBefore),
             Err(_) if may_be_unsigned => Ok(Proof::NotNeeded),
             Err(refusal) => Err(refusal),
         }

@@ -99,8 +99,6 @@ pub type PoseWithCov = (Transform<Hall, Body>, Matrix6<f64>);
 /// The error of the pose at the middle of a turn, and that pose.
 type SharedByTurn = (PoseError, Transform<Hall, Body>);
 
-/// Beams in fewer directions come from a head that stands.
-const LEAST_TURN_RAD: f64 = 0.02;
 /// Padding of the field around the region, in practical ranges.
 const PADDING_RANGES: f64 = 1.0;
 
@@ -278,23 +276,15 @@ impl Mapper {
         self.counts.on_ground += n_beams;
     }
 
-    /// When a scan last measured something: a distance in reach, past the own body. `None` for one that
-    /// sees nothing, or in one direction only: a covered window, dust, a head that stands.
+    /// When a scan last measured something: a distance in reach, past the own body.
     #[must_use]
     pub fn measured_at(&self, scan: &Scan) -> Option<Stamp<Mono>> {
         let mount = &self.settings.lidar;
-        let mut of_use = scan.beams.iter().filter(|beam| {
+        let is_of_use = |beam: &&Beam| {
             (mount.min_range_m..=mount.max_range_m).contains(&f64::from(beam.range_m))
                 && !mount.is_blind(f64::from(beam.angle_rad))
-        });
-        let (low_rad, high_rad) = of_use
-            .clone()
-            .map(|beam| f64::from(beam.angle_rad))
-            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), at| {
-                (low.min(at), high.max(at))
-            });
-        let is_turning = high_rad - low_rad > LEAST_TURN_RAD;
-        of_use.next_back().filter(|_| is_turning).map(|beam| scan.beam_at(beam))
+        };
+        scan.beams.iter().rev().find(is_of_use).map(|beam| scan.beam_at(beam))
     }
 
     /// Counts a scan that cannot be placed in time.

@@ -107,7 +107,7 @@ pub enum PreflightFault {
     #[error("the autopilot is still starting up")]
     NotReady,
     /// Somebody else might obey.
-    #[error("a second autopilot is on the link")]
+    #[error("a second autopilot is on the link, or one comes by two ways of a router")]
     SecondAutopilot,
     /// The motors turn already.
     #[error("the vehicle is armed already")]

@@ -16,8 +16,10 @@ use std::time::Duration;
 /// Setpoints are sampled this long ahead: half of the 33 ms that each is in force, and what link
 /// and autopilot take until they act on it. Without it the vehicle lags 7 cm behind at 2 m/s.
 const STEER_LEAD: Duration = Duration::from_millis(30);
-/// Without a beam that measures something for this long the LiDAR counts as silent.
+/// Without a beam of a turning head for this long the LiDAR counts as silent …
 const LIDAR_SILENT_AFTER: Duration = Duration::from_secs(2);
+/// … and as long without one that measures something: dark or wet ground may swallow them for a while.
+const LIDAR_BLIND_AFTER: Duration = Duration::from_secs(5);
 /// An older battery message says nothing; PX4 sends one every two seconds.
 const BATTERY_OLD_AFTER: Duration = Duration::from_secs(10);
 /// The end of a trajectory counts as reached within this distance, m.
@@ -85,7 +87,7 @@ impl Pilot {
                 .localizer
                 .last_sample_at()
                 .is_some_and(|at| self.now.since(at) < SAMPLES_SILENT_AFTER),
-            has_lidar: self.last_beam_at.is_some_and(|at| self.now.since(at) < LIDAR_SILENT_AFTER),
+            has_lidar: self.measures(),
             battery_ratio: self
                 .battery
                 .filter(|battery| self.now.since(battery.at) < BATTERY_OLD_AFTER)
@@ -115,6 +117,14 @@ impl Pilot {
             is_at_target: self.is_at_target(),
             storage: self.storage,
         }
+    }
+
+    /// True while the LiDAR measures something.
+    fn measures(&self) -> bool {
+        let is_recent =
+            |at: Option<Stamp<Mono>>, within| at.is_some_and(|at| self.now.since(at) < within);
+        is_recent(self.last_turn_at, LIDAR_SILENT_AFTER)
+            && is_recent(self.last_beam_at, LIDAR_BLIND_AFTER)
     }
 
     /// Compares the two poses once the inertial samples have reached the autopilot's instant.

@@ -133,6 +133,35 @@ async fn whoever_signs_takes_the_place_of_one_who_does_not() {
 }
 
 #[tokio::test]
+async fn an_autopilot_without_a_clock_takes_the_place_of_one_who_does_not_sign() {
+    let folder = TempDir::new().unwrap();
+    let (mut transport, driver) = transport(&signing(&folder)).await;
+    let local = transport.local_addr().unwrap();
+    let (stranger, autopilot) = (Peer::new(local).await, Peer::new(local).await);
+    let mut frame = MAVLinkV2MessageRaw::new();
+    frame.serialize_message_for_signing(
+        MavHeader { system_id: 1, component_id: 1, sequence: 0 },
+        &heartbeat(),
+    );
+    // Signed at the beginning of 2015.
+    frame.signature_timestamp_bytes_mut().copy_from_slice(&[9, 0, 0, 0, 0, 0]);
+    let mut signature = [0; 6];
+    frame.calculate_signature(&KEY, &mut signature);
+    frame.signature_value_mut().copy_from_slice(&signature);
+    stranger.says(&crate::support::heartbeat_frame((2, 1), [2, 12, 81, 4])).await;
+    patiently(transport.received.recv()).await.unwrap();
+    autopilot.says(frame.raw_bytes()).await;
+    patiently(transport.received.recv()).await.unwrap();
+    stranger.says(&crate::support::heartbeat_frame((2, 1), [2, 12, 81, 4])).await;
+    until(|| transport.stats().strangers == 1).await;
+    // One who shows as much may follow it after a long silence.
+    driver.advance_to(at_ms(60_000));
+    let moved = Peer::new(local).await;
+    moved.says(frame.raw_bytes()).await;
+    patiently(transport.received.recv()).await.unwrap();
+}
+
+#[tokio::test]
 async fn strangers_by_address_are_not_even_parsed() {
     let settings = SecuritySettings { peers: vec!["127.0.0.2".parse().unwrap()], signing: None };
     let (transport, _driver) = transport(&settings).await;

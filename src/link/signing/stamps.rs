@@ -109,11 +109,18 @@ impl Stamps {
     /// Others are ahead: later stamps of this side must not lie behind theirs.
     pub(super) fn heard(&mut self, stamp: u64) {
         self.latest = self.latest.max(stamp);
+        self.reserve();
     }
 
     /// A stamp that was never used.
     pub(super) fn next(&mut self) -> u64 {
         self.latest = self.own().max(self.latest + 1).min(LAST_STAMP);
+        self.reserve();
+        self.latest
+    }
+
+    /// Moves the file ahead of what is used up.
+    fn reserve(&mut self) {
         if self.latest + (RESERVED - RENEW_AFTER) > self.reserved {
             let wanted = (self.latest + RESERVED).min(LAST_STAMP);
             // A writer that is still busy gets the next wish.
@@ -122,7 +129,6 @@ impl Stamps {
                 Err(TrySendError::Full(_) | TrySendError::Disconnected(_)) => {}
             }
         }
-        self.latest
     }
 }
 

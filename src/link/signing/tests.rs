@@ -87,7 +87,7 @@ fn unsigned(message: &MavMessage, sender: (u32, u8)) -> MAVLinkMessageRaw {
 }
 
 fn heartbeat() -> MavMessage {
-    MavMessage::HEARTBEAT(mavlink::dialects::ardupilotmega::HEARTBEAT_DATA::default())
+    MavMessage::HEARTBEAT(HEARTBEAT_DATA::default())
 }
 
 fn command() -> MavMessage {
@@ -171,10 +171,15 @@ fn wrong_key_old_and_future_stamps_are_refused() {
 fn what_an_earlier_run_has_heard_cannot_begin_a_stream() {
     let scene = Scene::new();
     let start = signed(&command(), (255, 190), NEW_YEAR + 7, &key_bytes());
+    let beat = |stamp| signed(&heartbeat(), (1, 1), stamp, &key_bytes());
     assert_eq!(scene.open().judge(&start), Ok(Proof::Signed));
     // The service restarts, and somebody who has listened is first to speak.
     let mut signing = scene.open();
     assert_eq!(signing.judge(&start), Err(Refusal::Old));
+    // A heartbeat may make the acquaintance, of an autopilot without a clock too, and once it has signed
+    // with ours, none of an earlier time counts.
+    assert_eq!(signing.judge(&beat(NEW_YEAR + 8)), Ok(Proof::SignedBefore));
+    assert_eq!(signing.judge(&beat(5)), Ok(Proof::SignedBefore));
     // The ground station has heard this side, which sets its clock, and goes on.
     let MAVLinkMessageRaw::V2(mut own) = unsigned(&heartbeat(), (1, 191)) else {
         panic!("version 2")
@@ -184,6 +189,8 @@ fn what_an_earlier_run_has_heard_cannot_begin_a_stream() {
     let resumed = signed(&command(), (255, 190), next, &key_bytes());
     assert_eq!(signing.judge(&resumed), Ok(Proof::Signed));
     assert_eq!(signing.judge(&start), Err(Refusal::Replayed));
+    assert_eq!(signing.judge(&beat(next)), Ok(Proof::Signed));
+    assert_eq!(signing.judge(&beat(NEW_YEAR + 9)), Err(Refusal::Replayed));
 }
 
 #[test]

@@ -34,8 +34,8 @@ pub(super) struct Socket {
 struct Peer {
     addr: SocketAddr,
     is_configured: bool,
-    /// It has shown that it has the key.
-    is_proven: bool,
+    /// The best that it has shown of having the key.
+    proof: Proof,
     heard_at: Stamp<Mono>,
 }
 
@@ -45,7 +45,8 @@ impl Socket {
         let Some(peer) = peer else { return Ok(Self { socket, peer: None }) };
         let unknown = || io::Error::new(io::ErrorKind::NotFound, format!("`{peer}` is not known"));
         let addr = tokio::net::lookup_host(peer).await?.next().ok_or_else(unknown)?;
-        let peer = Peer { addr, is_configured: true, is_proven: false, heard_at: Stamp::ZERO };
+        let peer =
+            Peer { addr, is_configured: true, proof: Proof::NotNeeded, heard_at: Stamp::ZERO };
         Ok(Self { socket, peer: Some(peer) })
     }
 
@@ -57,15 +58,15 @@ impl Socket {
     /// are signed, a peer that has not signed is none that keeps others out.
     fn is_taken_by_another(&self, from: SocketAddr, signs: bool, now: Stamp<Mono>) -> bool {
         self.peer.is_some_and(|peer| {
-            let keeps_place = peer.is_proven || !signs;
-            let is_heard = now.since(peer.heard_at) < PEER_SILENT_FOR;
-            peer.addr != from && (peer.is_configured || (keeps_place && is_heard))
+            let keeps_place = peer.proof == Proof::Signed || !signs;
+            peer.addr != from && (peer.is_configured || (keeps_place && !peer.is_silent(now)))
         })
     }
 
     /// True if frames from `from` may be handed on. The first autopilot's heartbeat fixes the peer;
     /// another address takes its place only after a long silence, and only the same way. Where frames
-    /// are signed, nobody takes a place without a signature, and who signs has it at once.
+    /// are signed, it must show as much of the key as the peer has, and who shows more has the place at
+    /// once.
     fn admits(
         &mut self,
         from: SocketAddr,
@@ -73,22 +74,27 @@ impl Socket {
         signs: bool,
         now: Stamp<Mono>,
     ) -> bool {
-        let mut heartbeats =
-            frames.iter().filter(|admitted| is_autopilot_heartbeat(&admitted.frame));
-        let is_autopilot = heartbeats.clone().next().is_some();
-        let is_proven = heartbeats.any(|admitted| admitted.proof == Proof::Signed);
         if let Some(peer) = self.peer.as_mut().filter(|peer| peer.addr == from) {
             peer.heard_at = now;
-            peer.is_proven |= frames.iter().any(|admitted| admitted.proof == Proof::Signed);
+            peer.proof = frames.iter().map(|admitted| admitted.proof).fold(peer.proof, Proof::max);
             return true;
         }
-        let is_place_free = self.peer.is_none() || !signs;
-        let takes_place = is_autopilot && (is_place_free || is_proven);
+        let heartbeats = frames.iter().filter(|admitted| is_autopilot_heartbeat(&admitted.frame));
+        let Some(proof) = heartbeats.map(|admitted| admitted.proof).max() else { return false };
+        let takes_place = self.peer.is_none_or(|peer| {
+            !signs || proof > peer.proof || (proof == peer.proof && peer.is_silent(now))
+        });
         if takes_place {
-            self.peer = Some(Peer { addr: from, is_configured: false, is_proven, heard_at: now });
+            self.peer = Some(Peer { addr: from, is_configured: false, proof, heard_at: now });
             tracing::info!(%from, "the autopilot's datagrams come from here");
         }
         takes_place
+    }
+}
+
+impl Peer {
+    fn is_silent(&self, now: Stamp<Mono>) -> bool {
+        now.since(self.heard_at) >= PEER_SILENT_FOR
     }
 }
 
