@@ -65,6 +65,8 @@ fn lidar_rate(status: &LidarStatus) -> Check {
     let found = format!("{:.0} samples/s, {:.1} turns/s", rates.samples_hz, rates.turns_hz);
     let model = status.identity.as_ref().and_then(|identity| identity.model);
     let spec_hz = model.map(|model| f64::from(model.samples_per_s()));
+    // What tells its own rate has none in the list.
+    let spec_hz = spec_hz.filter(|_| model != Some(Model::HokuyoScip2));
     let is_slow = spec_hz.is_some_and(|hz| {
         // Hokuyo sensors look through three quarters of the turn only.
         rates.samples_hz < 0.64 * hz * (1.0 - RATE_TOLERANCE)
@@ -93,8 +95,12 @@ fn lidar_line(status: &LidarStatus) -> Check {
     #[expect(clippy::cast_precision_loss, reason = "counts of some seconds")]
     let permille = 1e3 * stats.checksum_errors as f64 / (stats.frames.max(1)) as f64;
     let found = format!(
-        "{} frames, {} refused, {} samples missing, {} beams lost",
-        stats.frames, stats.checksum_errors, stats.missing_samples, stats.lost_beams
+        "{} frames, {} refused, {} samples missing, {} beams lost, clock begun anew {} times",
+        stats.frames,
+        stats.checksum_errors,
+        stats.missing_samples,
+        stats.lost_beams,
+        stats.clock_restarts
     );
     if permille > REFUSED_PERMILLE {
         return Check::with_cure(
@@ -125,6 +131,13 @@ fn lidar_fault(health: &LidarHealth, baud: u32) -> Check {
             "write `model = \"auto\"` into [lidar] without a baud, or the model on its label; if it \
              has worked before, another cable"
                 .to_owned(),
+        ),
+        LidarHealth::Unknown { name, baud } => (
+            format!("{name} answers at {baud} bit/s and is none that can be chosen by itself"),
+            format!(
+                "write the model with the same rate and range into [lidar], and `baud = {baud}`; \
+                 then `stockpilot lidar check`"
+            ),
         ),
         LidarHealth::Stalled => (
             "beams come, but its head stands still".to_owned(),
@@ -348,6 +361,7 @@ mod tests {
         for health in [
             LidarHealth::Silent,
             LidarHealth::NoFrames { baud: 9600 },
+            LidarHealth::Unknown { name: "YDLIDAR model 19".into(), baud: 230_400 },
             LidarHealth::Stalled,
             LidarHealth::Starting,
         ] {

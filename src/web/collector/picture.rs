@@ -164,6 +164,9 @@ impl Collector {
             LidarHealth::NoFrames { baud } => {
                 (Level::Bad, format!("nothing readable at {baud} baud"))
             }
+            LidarHealth::Unknown { name, baud } => {
+                (Level::Bad, format!("{name} answers at {baud} baud: set lidar.model"))
+            }
             LidarHealth::Stalled => (Level::Bad, "its head stands still".to_owned()),
             LidarHealth::Faulty { reason } | LidarHealth::Disconnected { reason } => {
                 (Level::Bad, reason.clone())
