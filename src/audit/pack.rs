@@ -102,7 +102,8 @@ pub fn pack(facts: &Facts, key: &AuditKey, folder: &Path) -> Result<Pack, AuditE
     std::fs::create_dir(folder).map_err(at(folder))?;
     let mut sums = String::new();
     let mut list = |sum: &str, name: &str| sums.push_str(&format!("{sum}  {name}\n"));
-    copy(&flight.log, &folder.join(&log_name), &log_sha256)?;
+    let copied = copy(&flight.log, &folder.join(&log_name), &log_sha256);
+    copied.inspect_err(|_| drop(std::fs::remove_dir_all(folder)))?;
     list(&log_sha256, &log_name);
     if let (Some(earlier), Some(packed)) = (&facts.wishes.against, &wishes.against) {
         copy(&earlier.path, &folder.join(EARLIER), &packed.sha256)?;

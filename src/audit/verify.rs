@@ -173,7 +173,8 @@ fn recompute(
     let wishes: PackedWishes = serde_json::from_slice(&read(folder, WISHES)?)?;
     // Names in the list are files of the folder; any other name may lead out of it.
     let logs = [Some(packed.log.as_str()), wishes.against.as_ref().map(|_| EARLIER)];
-    for name in logs.into_iter().flatten().filter(|name| !listed.contains(*name)) {
+    let absent = logs.into_iter().flatten().find(|name| !listed.contains(*name));
+    if let Some(name) = absent {
         findings.push(Finding::Missing(name.to_owned()));
         return Ok(None);
     }

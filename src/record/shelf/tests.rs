@@ -153,7 +153,7 @@ fn empty_logs_go_first_then_reported_surveys_and_no_other_ever() {
 struct Growing {
     path: PathBuf,
     log: LogWriter<std::fs::File>,
-    at_s: f64,
+    at_s: i64,
 }
 
 impl Growing {
@@ -161,18 +161,18 @@ impl Growing {
         let path = folder.join("flight-1.mcap");
         let file = std::fs::File::create_new(&path).unwrap();
         let log = LogWriter::begin(file, &LogHeader::default()).unwrap();
-        Self { path, log, at_s: 1.0 }
+        Self { path, log, at_s: 1 }
     }
 
     fn write(&mut self, entry: &Entry) {
         let at = self.now();
         self.log.write(at, &Written::new(at, entry, None).unwrap()).unwrap();
         self.log.flush().unwrap();
-        self.at_s += 1.0;
+        self.at_s += 1;
     }
 
     fn now(&self) -> Stamp<Mono> {
-        Stamp::from_nanos((self.at_s * 1e9) as i64)
+        Stamp::from_nanos(self.at_s * 1_000_000_000)
     }
 
     /// A person asks for a flight, and it takes off.
