@@ -11,7 +11,7 @@ use stockpilot::messages::{CellCoverage, Severity, VolumeAccount};
 use stockpilot::pilot::{Action, Event};
 use stockpilot::record::{LogHeader, Recorder};
 use stockpilot::report::{Facts, Report, Target, Verdict, Wishes};
-use stockpilot::survey::{Flight, Reproduction, Survey};
+use stockpilot::survey::{Flight, Origin, Reproduction, Survey};
 use stockpilot_sim::autopilot::Flavour;
 use stockpilot_sim::camera::CameraModel;
 use stockpilot_sim::campaign::{DirectFlight, Witnessed};
@@ -109,6 +109,12 @@ fn a_report_says_what_the_log_says() {
     assert!(change.change.p_value > 1e-4, "{change}");
     assert!(change.change.sigma_m3 < hall.account.estimate.sigma_m3 * 1.5, "nothing cancels");
     assert!(hall.book.as_ref().expect("a book").is_significant);
+    // Nothing cancels where everything was mounted, hung and laid anew.
+    let wishes = Wishes { independent: Origin::ALL.to_vec(), ..facts.wishes.clone() };
+    let renewed = Facts::new(facts.flight.clone(), wishes).expect("facts");
+    let renewed = &renewed.bays[0].change.as_ref().expect("a change").change;
+    let sigma_m3 = change.earlier.sigma_m3.hypot(change.later.sigma_m3);
+    assert!((renewed.sigma_m3 - sigma_m3).abs() < 1e-9 * sigma_m3, "{renewed:?}");
     assert_a_signer_cannot_change_the_report(&facts, &folder);
     assert_a_rejected_survey_is_to_be_repeated(&facts, &later);
 }

@@ -25,7 +25,7 @@ enum AuditCommand {
     /// Pack a survey with all that somebody needs to compute it again, and sign it.
     Pack {
         #[command(flatten)]
-        survey: SurveyArgs,
+        survey: Box<SurveyArgs>,
         /// The folder; it must not exist.
         #[arg(long, value_name = "DIR")]
         out: PathBuf,
