@@ -58,7 +58,7 @@ impl Examination<'_> {
         let ports = serial_ports();
         checks.extend(ports.iter().map(super::SerialPort::check));
         match self.config {
-            Some(config) => checks.extend(self.configured(config).await),
+            Some(config) => checks.extend(Box::pin(self.configured(config)).await),
             None => {
                 let named = self.port.iter().cloned();
                 let found = ports.into_iter().filter(|port| port.is_permitted).map(|p| p.path);

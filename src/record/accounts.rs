@@ -27,7 +27,7 @@ pub struct LoggedAccounts {
     pub accounts: Vec<VolumeAccount>,
     /// The newest surface.
     pub surface: Option<HeightMap>,
-    /// They are the result after a landing, not of a flight under way.
+    /// They are the result after a landing, not of a flight under way, nor of one whose last solve failed.
     pub is_final: bool,
     /// The log has its proper end and no gap.
     pub is_complete: bool,

@@ -43,7 +43,7 @@ pub struct LoggedSurvey {
     pub place: SurveyPlace,
     /// When it last took off or gave a result: another number means that more was flown.
     pub newest_at: Stamp<Mono>,
-    /// A flight has ended since the newest volumes.
+    /// A flight has ended since the newest volumes, and they are those of its last solve.
     pub is_final: bool,
     pub(super) accounts: Option<Vec<u8>>,
     pub(super) surface: Option<Vec<u8>>,
@@ -146,8 +146,9 @@ impl LoggedSurvey {
             }
             Topic::Surface => self.surface = Some(json),
             Topic::Ended => {
-                self.is_final = self.accounts.is_some();
-                self.place.ended_at.push(ended_at(&json).unwrap_or(at));
+                let ended: Ended = serde_json::from_slice(&json).unwrap_or_default();
+                self.is_final = self.accounts.is_some() && ended.is_final;
+                self.place.ended_at.push(ended.at_ns.map_or(at, Stamp::from_nanos));
             }
             Topic::Phase if holds(&json, TO_TAKE_OFF) => self.has_flown = true,
             _ => return,
@@ -216,13 +217,19 @@ pub(super) fn holds(json: &[u8], part: &[u8]) -> bool {
     json.windows(part.len()).any(|window| window == part)
 }
 
-/// The flight's own end, by which decisions on it are kept.
-fn ended_at(json: &[u8]) -> Option<Stamp<Mono>> {
-    #[derive(Deserialize)]
-    struct Ended {
-        at_ns: i64,
+/// What the end of a flight says: its own instant, by which decisions on it are kept, and whether its last solve
+/// has told these volumes. Logs from before that was noted say nothing, and count as if it had.
+#[derive(Deserialize)]
+#[serde(default)]
+struct Ended {
+    at_ns: Option<i64>,
+    is_final: bool,
+}
+
+impl Default for Ended {
+    fn default() -> Self {
+        Self { at_ns: None, is_final: true }
     }
-    serde_json::from_slice::<Ended>(json).ok().map(|ended| Stamp::from_nanos(ended.at_ns))
 }
 
 #[cfg(test)]

@@ -69,6 +69,7 @@ impl Script {
             steps_done: 0,
             path_length_m: 0.0,
             is_complete: true,
+            is_final: true,
         };
         self.recorder.result(at(s), &Action::Ended(Box::new(summary)));
     }
