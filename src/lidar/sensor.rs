@@ -87,6 +87,20 @@ pub struct Identity {
     pub mode: Option<String>,
 }
 
+impl Identity {
+    /// `SLAMTEC RPLIDAR A1, firmware 1.29, serial 0A1B`
+    #[must_use]
+    pub fn said(&self) -> String {
+        let model = self.model.map_or("a LiDAR without a name", Model::full_name);
+        let name = if self.name.is_empty() { model } else { &self.name };
+        let more = [("firmware", &self.firmware), ("serial", &self.serial)];
+        more.into_iter().fold(name.to_owned(), |said, (what, value)| match value {
+            Some(value) => format!("{said}, {what} {value}"),
+            None => said,
+        })
+    }
+}
+
 /// What the sensor itself complains of.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Trouble {
