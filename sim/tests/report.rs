@@ -310,6 +310,7 @@ impl Seen {
 
 /// Flies twice with one brain and one log; a second log ends before the second START. Gives what was seen
 /// from that START on, and when it came.
+#[expect(clippy::panic, reason = "a test without its second survey has failed")]
 fn fly_twice(first: &Path, both: &Path) -> (Seen, f64) {
     let scenario = scenario(3);
     let mut config: Config = config(&scenario, Devices::none());

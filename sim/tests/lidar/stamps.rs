@@ -173,7 +173,6 @@ fn step(bench: &mut Bench, times: &mut Times, wire: &mut Wire, line: &mut dyn Li
 }
 
 fn judge(what: &str, model: Model, outcome: &Outcome) {
-    println!("{:18} {what:12} {outcome:?}", model.name());
     assert!(outcome.n_beams > 500, "{model:?}, {what}: {outcome:?}");
     assert!(outcome.median_ms.abs() < MEDIAN_LIMIT_MS, "{model:?}, {what}: {outcome:?}");
     assert!(
