@@ -37,6 +37,11 @@ package:
 deb:
     deploy/package
 
+# The package for arm64, built here and started in emulation; a quarter of an hour, so by hand only: CI does not do it.
+arm64 LOG="target/tmp/survey/survey-earlier.mcap":
+    deploy/package arm64
+    tests/package/arm64 target/debian/stockpilot_*_arm64.deb {{LOG}}
+
 # One simulated flight through the real service: `just fly --world piles --planner square-wave`.
 fly *ARGS:
     cargo run --release -p stockpilot-sim --locked -- fly {{ARGS}}

@@ -1,8 +1,8 @@
-"""Writes the licences of everything that is linked into the program, and of what it brings along.
+"""Writes the licences of everything that is linked into the programs, and of what they bring along.
 
     python3 notices.py TARGET > THIRD-PARTY-LICENSES
 
-`TARGET` is the triple of the machine it is built for. The texts are those in the sources of the crates that Cargo has
+`TARGET` is the triple of the machine they are built for. The texts are those in the sources of the crates that Cargo has
 fetched; equal texts stand once.
 """
 
@@ -15,18 +15,19 @@ import sys
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 NAMES = re.compile(r"^(licen[cs]e|copying|notice|unlicense)([-_.].*)?$", re.IGNORECASE)
+PROGRAMS = ["stockpilot", "stockpilot-sim"]
 # Files in the tree that others wrote.
 BROUGHT_ALONG = ["src/web/page/vendor", "src/figure/font", "src/pdf/font"]
 
 
 def linked(target):
-    """The packages that the program is made of, not those that only build or test it."""
+    """The packages that the programs are made of, not those that only build or test them."""
     command = ["cargo", "metadata", "--format-version=1", "--locked", "--filter-platform", target]
     metadata = json.loads(subprocess.check_output(command, cwd=ROOT))
     packages = {package["id"]: package for package in metadata["packages"]}
     nodes = {node["id"]: node for node in metadata["resolve"]["nodes"]}
-    root = next(package["id"] for package in packages.values() if package["name"] == "stockpilot")
-    found, waiting = set(), [root]
+    roots = {package["id"] for package in packages.values() if package["name"] in PROGRAMS}
+    found, waiting = set(), list(roots)
     while waiting:
         node = waiting.pop()
         if node in found:
@@ -35,8 +36,7 @@ def linked(target):
         for dependency in nodes[node]["deps"]:
             if any(kind["kind"] is None for kind in dependency["dep_kinds"]):
                 waiting.append(dependency["pkg"])
-    found.remove(root)
-    return sorted((packages[id] for id in found), key=lambda p: (p["name"], p["version"]))
+    return sorted((packages[id] for id in found - roots), key=lambda p: (p["name"], p["version"]))
 
 
 def texts_below(folder):
