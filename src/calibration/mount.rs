@@ -110,9 +110,11 @@ const AGREEMENT_Z: f64 = 2.0;
 
 impl Found {
     /// The halves of the flight contradict each other: what was found is the mean of two things, and no σ tells how wrong.
+    ///
+    /// Also of an axis that was not seen: halves far apart make its σ so large that it counts as such.
     #[must_use]
     pub fn contradicts_itself(&self) -> bool {
-        self.is_seen && self.halves_z.abs() > CONTRADICTION_Z
+        self.halves_z.abs() > CONTRADICTION_Z
     }
 
     /// The standard deviation with what the halves say: as far apart as `z` σ instead of the 2 σ of chance, they make it

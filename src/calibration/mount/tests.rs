@@ -188,24 +188,24 @@ fn no_walls_in_sight_is_an_error() {
     assert_eq!(found.unwrap_err(), CalibrationError::TooFew { n_beams: 0 });
 }
 
-/// The LiDAR slips half-way: by 15 mm along the body and 0.8° about its own axis.
+/// The LiDAR slips half-way: by 15 mm along the body, and about its own axis. A large slip makes the σ of that axis so
+/// large that it would pass for one that was not seen.
 #[test]
 fn a_mounting_that_slips_in_flight_contradicts_itself_where_it_slipped() {
     let (shift_m, turn_rad) = wrong_by();
     let truth = nominal().body_from_lidar.perturbed(&shift_m, &turn_rad);
-    let slip = (Vector3::new(0.015, 0.0, 0.0), Vector3::new(0.0, 0.0, 0.8_f64.to_radians()));
-    let slipped = truth.perturbed(&slip.0, &slip.1);
-    for seed in 0..3 {
+    for (seed, slip_deg) in [(0, 0.4), (1, 0.8), (2, 0.8), (3, 1.2_f64)] {
+        let slip = Vector3::new(0.0, 0.0, slip_deg.to_radians());
+        let slipped = truth.perturbed(&Vector3::new(0.015, 0.0, 0.0), &slip);
         let mut noise = SeedBook::new(seed).stream("slip");
-        // Both halves of one flight: the second looks through the mounting that slipped.
         let yaw = |share: f64| 8.0 * TAU * share;
-        let (mut turns, later) =
-            (flight(&truth, 400, yaw, &mut noise), flight(&slipped, 400, yaw, &mut noise));
+        let mut turns = flight(&truth, 400, yaw, &mut noise);
+        let later = flight(&slipped, 400, yaw, &mut noise);
         turns.splice(200.., later.into_iter().skip(200));
         let found = calibrate(&turns, &room(), &before(), &Limits::default()).expect("found");
         let z = found.axes.map(|axis| axis.halves_z);
-        assert!(found.axes[5].contradicts_itself(), "seed {seed}: {z:?}");
-        assert!(found.axes.iter().any(|axis| axis.contradicts_itself()), "seed {seed}: {z:?}");
+        println!("seed {seed}, {slip_deg}°: {z:.1?}, seen {:?}", found.axes.map(|a| a.is_seen));
+        assert!(found.axes[5].contradicts_itself(), "seed {seed}, {slip_deg}°: {z:?}");
     }
 }
 
@@ -224,7 +224,7 @@ fn halves_that_hardly_agree_widen_what_is_claimed() {
         assert!((axis.sigma_by_halves() - sigma).abs() < 1e-15, "{halves_z}");
         assert_eq!(axis.contradicts_itself(), contradicts, "{halves_z}");
     }
-    // What was not seen stays as configured, and so does its σ.
+    // What was not seen stays as configured, and so does its σ; that halves are far apart can be why.
     let unseen = found(7.0, false);
-    assert!(!unseen.contradicts_itself() && (unseen.sigma_by_halves() - 0.002).abs() < 1e-15);
+    assert!(unseen.contradicts_itself() && (unseen.sigma_by_halves() - 0.002).abs() < 1e-15);
 }

@@ -226,8 +226,9 @@ impl Edge {
 /// Every how many rows or columns of so many are looked at.
 fn lines_apart(n_lines: f64) -> usize {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few")]
-    let apart = (n_lines / MOST_LINES).ceil().clamp(1.0, 100.0) as usize;
-    apart
+    let apart = (n_lines / MOST_LINES).ceil() as usize;
+    // Also for an edge without a length, whose number is none.
+    apart.max(1)
 }
 
 /// One step of Gauss and Newton towards the least squares; `first` holds what pixels do not tell.

@@ -203,7 +203,7 @@ impl Oblique {
         }
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 35")]
         let bit = ((row - 1.0) * 6.0 + col - 1.0) as u32;
-        if self.cells >> bit & 1 == 1 { 190.0 } else { 20.0 }
+        if (self.cells >> bit) & 1 == 1 { 190.0 } else { 20.0 }
     }
 
     /// The picture: in every pixel the mean over its own square, seen through a lens that blurs by half a pixel.
@@ -243,12 +243,14 @@ fn the_corners_of_a_tag_seen_aslant_are_where_they_were_drawn() {
     let mut errors = Vec::new();
     for turn_deg in [-72.0, -65.0, 60.0, 65.0, 70.0, 74.0_f64] {
         for roll_rad in [0.0, 0.2] {
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "36 bits")]
+            let cells = (noise.between(0.0, 1.0) * 68e9) as u64;
             let tag = Oblique {
                 turn_rad: turn_deg.to_radians(),
                 roll_rad,
                 edge_px: 60.0,
                 middle_px: [noise.between(55.0, 65.0), noise.between(55.0, 65.0)],
-                cells: (noise.between(0.0, 1.0) * 68e9) as u64,
+                cells,
             };
             let truth =
                 [[-0.5, 0.5], [0.5, 0.5], [0.5, -0.5], [-0.5, -0.5]].map(|p| tag.seen_px(p));
