@@ -35,7 +35,7 @@ pub use cameras::{CameraSection, LensName};
 pub use edit::{FoundMount, FoundRange, write_clock, write_markers, write_mount, write_range};
 pub use error::ConfigError;
 pub use file::{
-    Config, HallSection, LidarSection, LinkSection, LogSection, MountSection, RectSection,
+    Config, DustZone, HallSection, LidarSection, LinkSection, LogSection, MountSection, RectSection,
 };
 pub use filter::{FilterSection, PadSection, UpdateName};
 pub use foxglove::FoxgloveSection;

@@ -23,7 +23,8 @@ pub use nav::{
     FixOutcome, FixRecord, FixSource, NavEstimate, PoseError, TagSensitivity, Verdict, state,
 };
 pub use operator::{
-    OperatorAnswer, OperatorCommand, OperatorRequest, OperatorVerb, Severity, StatusText,
+    Declaration, OperatorAnswer, OperatorCommand, OperatorRequest, OperatorVerb, Severity,
+    StatusText,
 };
 pub use scan::{Beam, Scan, ScanCorrection};
 pub use setpoint::Setpoint;

@@ -11,7 +11,7 @@
 //!
 //! Anybody who reaches the address may look. Only who shows the token in a header may ask for
 //! something, from a page of the same origin, with a fresh picture before the eyes where motors
-//! could start. Not here: TLS, users, anything from the internet. Every byte is part of the program.
+//! could start, and then with a name and four declarations, which the log keeps. Not here: TLS, users, anything from the internet. Every byte is part of the program.
 
 mod access;
 mod advice;

@@ -9,7 +9,7 @@ use crate::vehicle::VehicleSettings;
 use crate::world::{Bay, Cuboid, Region, World};
 use std::path::PathBuf;
 use stockpilot::config::{
-    BaySection, CameraSection, Config, DetectorSection, ExternalSection, FilterSection,
+    BaySection, CameraSection, Config, DetectorSection, DustZone, ExternalSection, FilterSection,
     FoxgloveSection, HallSection, ImagesSection, LensName, LidarSection, LinkSection, LogSection,
     MarkersSection, MissionSection, MountSection, ObstacleSection, PageSection, PlanningSection,
     RectSection, SourceName, SurfaceSection, TagSection, UncertaintySection,
@@ -156,6 +156,8 @@ fn hall(world: &World) -> HallSection {
             .map(|wall| rect(&up_to_the_border(&wall.footprint(), &world.region)))
             .collect(),
         exclusion_margin_m: 0.12,
+        dust_zone: DustZone::None,
+        dust_released_by: None,
     }
 }
 

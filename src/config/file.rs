@@ -127,6 +127,25 @@ pub struct HallSection {
     /// Hits this close to an exclusion are left out, m.
     #[serde(default = "default_exclusion_margin_m")]
     pub exclusion_margin_m: f64,
+    /// Whether dust in this hall may explode.
+    #[serde(default)]
+    pub dust_zone: DustZone,
+    /// Who has released a dust zone for flying.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub dust_released_by: Option<String>,
+}
+
+/// What is said of explosive dust.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum DustZone {
+    /// Nobody has said anything: no take-off.
+    #[default]
+    Undeclared,
+    /// The hall is no zone 20, 21 or 22.
+    None,
+    /// It is one, and a named person has released it for this vehicle.
+    Released,
 }
 
 const fn default_exclusion_margin_m() -> f64 {

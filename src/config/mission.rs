@@ -2,7 +2,7 @@
 
 use super::convert::{seconds, within};
 use super::error::ConfigError;
-use super::file::Config;
+use super::file::{Config, DustZone};
 use crate::mission;
 use serde::{Deserialize, Serialize};
 
@@ -72,7 +72,58 @@ impl Config {
                 m.return_after_lidar_lost_s,
                 (0.5, 600.0),
             )?,
+            is_dust_cleared: self.is_dust_cleared()?,
             ..mission::Settings::default()
         })
+    }
+
+    /// A release names who gave it, and nothing else does.
+    fn is_dust_cleared(&self) -> Result<bool, ConfigError> {
+        let refuse = |message: &str| {
+            let key = "hall.dust_released_by".to_owned();
+            Err(ConfigError::Invalid { key, message: message.to_owned() })
+        };
+        let by = self.hall.dust_released_by.as_deref().map(str::trim);
+        match (self.hall.dust_zone, by) {
+            (DustZone::Released, None | Some("")) => refuse("name who has released the hall"),
+            (DustZone::Undeclared | DustZone::None, Some(_)) => {
+                refuse("goes with dust_zone = \"released\" only")
+            }
+            (zone, _) => Ok(zone != DustZone::Undeclared),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    fn is_cleared(hall: &str) -> Result<bool, ConfigError> {
+        let example = include_str!("../../deploy/config.example.toml");
+        let text = example.replace("dust_zone = \"undeclared\"\n", hall);
+        Config::from_toml(&text, Path::new("dust"))?.mission_settings().map(|m| m.is_dust_cleared)
+    }
+
+    #[test]
+    fn dust_is_cleared_by_a_word_or_by_somebody_with_a_name() {
+        for hall in ["", "dust_zone = \"undeclared\"\n"] {
+            assert!(!is_cleared(hall).unwrap());
+        }
+        assert!(is_cleared("dust_zone = \"none\"\n").unwrap());
+        let by = "dust_released_by = \"A. Person, 2026-03-04\"\n";
+        assert!(is_cleared(&format!("dust_zone = \"released\"\n{by}")).unwrap());
+        // A release without a name is none, and a name without a release says nothing.
+        let nobody = "dust_zone = \"released\"\ndust_released_by = \" \"\n";
+        let doubtful = [
+            "dust_zone = \"released\"\n".to_owned(),
+            nobody.to_owned(),
+            by.to_owned(),
+            format!("dust_zone = \"none\"\n{by}"),
+            "dust_zone = \"perhaps\"\n".to_owned(),
+        ];
+        for hall in doubtful {
+            assert!(is_cleared(&hall).is_err(), "{hall}");
+        }
     }
 }

@@ -58,6 +58,17 @@ pub struct OperatorAnswer {
     pub is_accepted: bool,
 }
 
+/// What a named person says before the motors turn: that nobody is in the hall, that the remote control is at hand
+/// and tried, that machines, doors and fans are as in the last survey, and that the hall is no dust zone or released.
+/// Whoever does not say all four of them does not start from the page.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Declaration {
+    /// The start that it was said for.
+    pub verb: OperatorVerb,
+    /// Who says so, as typed.
+    pub by: String,
+}
+
 /// How urgent a text is, as in syslog.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Severity {

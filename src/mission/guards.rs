@@ -58,6 +58,8 @@ pub struct Settings {
     pub way_home_factor: f64,
     /// No take-off with the heading further than this from the survey's, rad.
     pub max_heading_error_rad: f64,
+    /// Somebody has said that the hall is no zone of explosive dust, or has released it.
+    pub is_dust_cleared: bool,
 }
 
 impl Default for Settings {
@@ -87,6 +89,7 @@ impl Default for Settings {
             battery_empty_for: Duration::from_millis(2_500),
             way_home_factor: 1.5,
             max_heading_error_rad: 0.4,
+            is_dust_cleared: true,
         }
     }
 }
@@ -164,6 +167,9 @@ pub enum PreflightFault {
     /// The flight could not be computed again.
     #[error("the log has failed: mend the disk, then restart stockpilot")]
     NoLog,
+    /// Dust may explode.
+    #[error("nobody has said that this hall is no dust zone, or released it: hall.dust_zone")]
+    DustZone,
     /// No waypoints.
     #[error("no feasible waypoint: check marker map, region and quality threshold")]
     NoPlan,
@@ -261,10 +267,18 @@ pub(super) fn preflight_checks(inputs: &Inputs, settings: &Settings) -> Vec<Pref
         line("LiDAR", !has_lidar, Fault::NoLidar, word(!has_lidar, "silent", "measuring")),
         line("waypoints", !inputs.has_plan, Fault::NoPlan, word(!inputs.has_plan, "none", "found")),
         battery_check(inputs, settings),
+        dust_check(settings),
         check("mode switch", mode_news(vehicle.is_mode_prompt).to_owned(), None),
     ];
     checks.extend(storage_check(inputs));
     checks
+}
+
+fn dust_check(settings: &Settings) -> PreflightCheck {
+    let is_cleared = settings.is_dust_cleared;
+    let found = if is_cleared { "none, or released" } else { "not declared" };
+    let fault = (!is_cleared).then_some(PreflightFault::DustZone);
+    PreflightCheck { subject: "dust zone", found: found.to_owned(), fault }
 }
 
 const fn mode_news(is_prompt: bool) -> &'static str {

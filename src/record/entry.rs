@@ -5,8 +5,8 @@ use super::twin;
 use super::view::{ViewTopic, views_of};
 use crate::geometry::{Body, Lidar, Transform};
 use crate::messages::{
-    AutopilotPose, BatterySample, CommandOutcome, ImuSample, OperatorCommand, StorageState,
-    VehicleState,
+    AutopilotPose, BatterySample, CommandOutcome, Declaration, ImuSample, OperatorCommand,
+    StorageState, VehicleState,
 };
 use crate::pilot::{Action, Event, Job, JobId, JobOutput};
 use crate::planning::planner::Plan;
@@ -58,6 +58,8 @@ pub(super) enum Entry {
     Result(Action),
     /// The start of a job.
     Started { id: JobId },
+    /// What a person said before the motors turned.
+    Declared { at: Stamp<Mono>, said: Declaration },
 }
 
 impl From<&Event> for Entry {
@@ -115,6 +117,9 @@ impl Entry {
                 encode(Topic::Finished, &twin::FinishedTwin::new(*at, *id, outside.as_ref()))
             }
             Self::Started { id } => encode(Topic::Started, &twin::StartedTwin { id: *id }),
+            Self::Declared { at, said } => {
+                encode(Topic::Declared, &twin::DeclaredTwin::new(*at, said))
+            }
         }
     }
 }

@@ -33,7 +33,7 @@ pub enum LogItem {
         /// What.
         event: RecordedEvent,
     },
-    /// What the brain gave out.
+    /// What the brain gave out, or what was kept beside it ([`Topic::is_result`] tells which).
     Result {
         /// When.
         at: Stamp<Mono>,

@@ -4,6 +4,7 @@ use super::entry::{Entry, Written};
 use super::live::LiveView;
 use super::writer::{LogHeader, LogWriter, WriteError};
 use crate::geometry::{Body, Lidar, Transform};
+use crate::messages::Declaration;
 use crate::pilot::{Action, Event};
 use crate::time::{Mono, Stamp};
 use std::fs::File;
@@ -198,6 +199,11 @@ impl Recorder {
     /// Records what the brain gave out at `at`.
     pub fn result(&mut self, at: Stamp<Mono>, action: &Action) {
         self.put(at, Entry::from(action));
+    }
+
+    /// Records what a person said at `at`, before the motors turned. The brain is not told, so a replay passes over it.
+    pub fn declared(&mut self, at: Stamp<Mono>, said: &Declaration) {
+        self.put(at, Entry::Declared { at, said: said.clone() });
     }
 
     /// Counts so far.

@@ -88,6 +88,8 @@ topics! {
     Config = "/config", ConfigTwin;
     /// Entries that are missing at this place.
     Lost = "/record/lost", LostTwin;
+    /// What a person said before the motors turned.
+    Declared = "/record/declared", twin::DeclaredTwin;
 }
 
 impl Topic {

@@ -11,8 +11,8 @@ mod results;
 mod scalars;
 
 pub(super) use events::{
-    AutopilotPoseTwin, BatteryTwin, CommandOutcomeTwin, ImuTwin, InstantTwin, OperatorTwin,
-    ScanTwin, StorageTwin, TagsTwin, VehicleTwin,
+    AutopilotPoseTwin, BatteryTwin, CommandOutcomeTwin, DeclaredTwin, ImuTwin, InstantTwin,
+    OperatorTwin, ScanTwin, StorageTwin, TagsTwin, VehicleTwin,
 };
 pub(super) use jobs::{FinishedTwin, PlanTwin};
 pub(super) use results::{

@@ -228,7 +228,14 @@ impl Brain {
 
     /// A person's wish goes the same way as one from the ground station.
     fn wished(&mut self, wish: Wish) {
-        match self.session.on_own_wish(wish.verb, self.clock.now()) {
+        let now = self.clock.now();
+        if let Some(said) = &wish.said {
+            tracing::info!(verb = ?said.verb, by = said.by.as_str(), "declared before the start");
+            if let Some(recorder) = &mut self.recorder {
+                recorder.declared(now, said);
+            }
+        }
+        match self.session.on_own_wish(wish.verb, now) {
             Some(event) => {
                 self.events.push_back(event);
                 self.wished.push_back(wish);

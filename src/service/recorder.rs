@@ -1,5 +1,6 @@
 //! What the brain's task needs of a recorder.
 
+use crate::messages::Declaration;
 use crate::pilot::{Action, Event};
 use crate::record;
 use crate::time::{Mono, Stamp};
@@ -11,6 +12,9 @@ pub trait Recorder: Send + 'static {
 
     /// Keeps what the brain wants.
     fn action(&mut self, at: Stamp<Mono>, action: &Action);
+
+    /// Keeps what a person said at `at`, before the motors turned.
+    fn declared(&mut self, at: Stamp<Mono>, said: &Declaration);
 
     /// Entries that could not be kept so far.
     fn lost(&self) -> u64;
@@ -34,6 +38,10 @@ impl Recorder for NoLog {
         self.lost += 1;
     }
 
+    fn declared(&mut self, _at: Stamp<Mono>, _said: &Declaration) {
+        self.lost += 1;
+    }
+
     fn lost(&self) -> u64 {
         self.lost
     }
@@ -50,6 +58,10 @@ impl Recorder for record::Recorder {
 
     fn action(&mut self, at: Stamp<Mono>, action: &Action) {
         Self::result(self, at, action);
+    }
+
+    fn declared(&mut self, at: Stamp<Mono>, said: &Declaration) {
+        Self::declared(self, at, said);
     }
 
     fn lost(&self) -> u64 {

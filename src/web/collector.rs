@@ -2,6 +2,7 @@
 
 mod gauges;
 mod picture;
+mod remaining;
 
 use super::feed::{News, Pulse};
 use super::maps::Maps;
@@ -12,10 +13,11 @@ use super::verdict::Verdict;
 use crate::mapping::statement::COVERAGE_FACTOR;
 use crate::messages::{Severity, VolumeAccount};
 use crate::mission::Phase;
-use crate::pilot::{Action, FlightSummary, Outlook};
+use crate::pilot::{Action, FlightSummary, Outlook, PlanChoice};
 use crate::time::{Mono, Stamp};
 use gauges::Gauges;
 pub(super) use picture::Beside;
+use remaining::Remaining;
 use std::collections::VecDeque;
 use tokio::time::Instant;
 
@@ -42,6 +44,9 @@ pub(super) struct Collector {
     accounts: Vec<VolumeAccount>,
     /// The accounts before the newest, for the trend.
     earlier_accounts: Vec<VolumeAccount>,
+    remaining: Remaining,
+    /// The newest plan.
+    plan: Option<PlanChoice>,
     ended: Option<FlightSummary>,
     verdict: Option<Verdict>,
     gauges: Gauges,
@@ -65,6 +70,8 @@ impl Collector {
             landed_at: None,
             accounts: Vec::new(),
             earlier_accounts: Vec::new(),
+            remaining: Remaining::default(),
+            plan: None,
             ended: None,
             verdict: None,
             gauges: Gauges::default(),
@@ -111,6 +118,7 @@ impl Collector {
             }
             Action::FixTreated(record) => self.gauges.fix(&record),
             Action::VolumesAccounted(accounts) => self.account(at, accounts),
+            Action::PlanChosen(choice) => self.plan = Some(*choice),
             Action::SurfaceSolved(surface) => self.maps.surface(surface),
             Action::Say(line) => self.say(at, line.severity, line.text),
             Action::Ended(summary) => {
@@ -133,6 +141,8 @@ impl Collector {
         self.maps.restart();
         self.accounts.clear();
         self.earlier_accounts.clear();
+        self.remaining = Remaining::default();
+        self.plan = None;
         self.took_off_at = None;
         self.landed_at = None;
         self.ended = None;
@@ -150,6 +160,7 @@ impl Collector {
                 coverage: estimate.coverage_ratio,
             });
         }
+        self.remaining.account(at, &accounts);
         self.earlier_accounts = std::mem::replace(&mut self.accounts, accounts);
     }
 

@@ -99,6 +99,9 @@ pub(super) struct Volume {
     pub(super) shares: [f64; 4],
     /// U falls (−1), stays (0) or rises (1).
     pub(super) trend: i8,
+    /// About how long until U is what is aimed at, by how it fell over the last minute, s; left out where it is already
+    /// or where nothing can be said.
+    pub(super) until_target_s: Option<f64>,
     /// What makes the most of the variance, with its share, 0 to 1, the largest first.
     pub(super) sources: Vec<Source>,
 }
@@ -121,8 +124,10 @@ pub(super) struct Target {
     pub(super) now_percent: Option<f64>,
     /// The survey ends when it is reached.
     pub(super) ends_survey: bool,
-    /// About how long until the target or the end of the way, s; left out while not known.
+    /// About how long the way ahead takes until the end of the survey, s; left out where the planner looks less far.
     pub(super) left_s: Option<f64>,
+    /// About what U is at its end, % of the whole volume; left out where the planner does not know.
+    pub(super) end_percent: Option<f64>,
 }
 
 /// Where the vehicle is.

@@ -1,6 +1,6 @@
 //! What people ask for on the page.
 
-use crate::messages::OperatorVerb;
+use crate::messages::{Declaration, OperatorVerb};
 use crate::mission::Phase;
 use tokio::sync::oneshot;
 
@@ -18,15 +18,20 @@ pub struct WishAnswer {
 pub struct Wish {
     /// What is wanted.
     pub verb: OperatorVerb,
+    /// What was said to it, if motors begin to turn.
+    pub said: Option<Declaration>,
     reply: oneshot::Sender<WishAnswer>,
 }
 
 impl Wish {
     /// A wish, and where its answer arrives.
     #[must_use]
-    pub fn new(verb: OperatorVerb) -> (Self, oneshot::Receiver<WishAnswer>) {
+    pub fn new(
+        verb: OperatorVerb,
+        said: Option<Declaration>,
+    ) -> (Self, oneshot::Receiver<WishAnswer>) {
         let (reply, answer) = oneshot::channel();
-        (Self { verb, reply }, answer)
+        (Self { verb, said, reply }, answer)
     }
 
     /// Answers; a person who has gone meanwhile does not hear it.

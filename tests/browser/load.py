@@ -1,7 +1,7 @@
 """Twenty viewers at five states a second, and one that takes nothing: what does the page cost?
 
 Usage: load.py PAGE [SECONDS]; PAGE is what `stockpilot-sim fly --page` or the log of `stockpilot run` names. Prints one
-JSON object. Standard library only.
+JSON object, and fails if the one is not dropped or the others are not served. Standard library only.
 """
 import base64
 import json
@@ -14,6 +14,10 @@ import urllib.parse
 import urllib.request
 
 VIEWERS = 20
+# Of five; a busy machine may leave out a state for somebody.
+LEAST_STATES_PER_SECOND = 3.0
+# A viewer that gives no sign of life is dropped after 10 s at the latest, and looked for every 3 s.
+LEAST_SECONDS = 15.0
 
 
 def metrics(page):
@@ -67,7 +71,7 @@ def view(page, heard, stop):
 
 def main():
     page = sys.argv[1]
-    seconds = float(sys.argv[2]) if len(sys.argv) > 2 else 30.0
+    seconds = max(LEAST_SECONDS, float(sys.argv[2]) if len(sys.argv) > 2 else 30.0)
     stop, heard = threading.Event(), [[] for _ in range(VIEWERS)]
     idle = metrics(page)
     time.sleep(5.0)
@@ -80,19 +84,25 @@ def main():
     time.sleep(seconds)
     elapsed, after = time.monotonic() - began, metrics(page)
     stop.set()
+    slowest = min(map(len, heard)) / elapsed
     cpu = "stockpilot_page_cpu_seconds_total"
-    print(json.dumps({
+    seen = {
         "viewers": VIEWERS,
         "seconds": round(elapsed, 1),
         "states_per_viewer_and_second": round(sum(map(len, heard)) / VIEWERS / elapsed, 2),
+        "states_of_the_slowest_per_second": round(slowest, 2),
         "bytes_per_state": round(sum(map(sum, heard)) / max(1, sum(map(len, heard)))),
         "core_share_percent": round(100 * (after[cpu] - before[cpu]) / elapsed, 2),
         "core_share_percent_without_viewers": round(100 * (before_viewers[cpu] - idle[cpu]) / 5.0, 2),
         "dropped": after["stockpilot_page_viewers_dropped_total"] - before["stockpilot_page_viewers_dropped_total"],
         "ticks_skipped": after["stockpilot_brain_ticks_skipped_total"] - before["stockpilot_brain_ticks_skipped_total"],
-        "news_lost": after["stockpilot_page_news_lost_total"],
-    }))
+        "news_lost": after["stockpilot_page_news_lost_total"] - before["stockpilot_page_news_lost_total"],
+    }
+    print(json.dumps(seen))
     stalled.close()
+    assert seen["dropped"] == 1.0, "the viewer that takes nothing, and nobody else, is dropped"
+    assert slowest >= LEAST_STATES_PER_SECOND, "everybody else is served"
+    assert seen["news_lost"] == 0.0, "the brain's news reach the page all the same"
 
 
 if __name__ == "__main__":

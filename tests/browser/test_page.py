@@ -2,6 +2,8 @@
 import json
 import os
 import re
+import subprocess
+import sys
 import urllib.error
 import urllib.request
 
@@ -78,8 +80,17 @@ def test_other_sites_and_names_are_refused_even_with_the_token(flight):
     # Who starts motors must say what they saw last, and that a moment ago.
     status, answer = post(flight, "/api/wishes/start", {}, **token)
     assert status == 409 and "out of date" in answer, answer
-    assert post(flight, "/api/wishes/start", {}, **token)[0] == 409
+    # And who they are, and that the hall is ready.
+    status, answer = post(flight, "/api/wishes/start", {"seq": state(flight)["seq"]}, **token)
+    assert status == 422 and "four things" in answer, answer
     assert state(flight)["phase"] == "idle"
+
+
+def test_twenty_viewers_are_served_and_one_that_takes_nothing_is_dropped(flight):
+    script = os.path.join(os.path.dirname(__file__), "load.py")
+    load = subprocess.run([sys.executable, script, flight["page"], "15"], capture_output=True, text=True, timeout=120)
+    print(load.stdout)
+    assert load.returncode == 0, load.stdout + load.stderr
 
 
 def test_the_start_stands_behind_the_preflight_list(flight, desktop):
@@ -94,10 +105,13 @@ def test_the_start_stands_behind_the_preflight_list(flight, desktop):
     checks = page.locator("#checks").inner_text()
     assert "1-sigma" in checks and "%" in checks and "cm off" in checks, checks
     start = page.locator("#start")
-    boxes = page.locator("#signed input")
+    boxes = page.locator("#signed input[type=checkbox]")
+    expect(boxes).to_have_count(4)
     for nth in range(4):
         expect(start).to_be_disabled()
         boxes.nth(nth).check()
+    expect(start).to_be_disabled()
+    page.fill("#declared-by", "Test Pilot")
     expect(start).to_be_enabled()
     picture(desktop, "1-preflight-desktop")
     start.click()
@@ -190,8 +204,10 @@ def test_after_landing_the_gaps_are_offered_and_flown_on_the_same_map(flight, de
     start = page.locator("#start")
     expect(start).to_have_text("START INTO GAPS")
     expect(start).to_be_disabled()
-    for box in page.locator("#signed input").all():
+    expect(page.locator("#declared-by")).to_have_value("")
+    for box in page.locator("#signed input[type=checkbox]").all():
         box.check()
+    page.fill("#declared-by", "Second Pilot")
     expect(start).to_be_enabled()
     picture(desktop, "7-preflight-gaps-desktop")
     start.click()

@@ -3,10 +3,10 @@
 use crate::support::{imu_event, write_log};
 use std::convert::Infallible;
 use std::path::Path;
-use stockpilot::messages::{Severity, StatusText};
+use stockpilot::messages::{Declaration, OperatorVerb, Severity, StatusText};
 use stockpilot::pilot::{Action, Event};
 use stockpilot::record::replay::{ReplayError, ReplayReport, replay_by};
-use stockpilot::record::{LogHeader, LogReader, Recorder, Topic};
+use stockpilot::record::{LogHeader, LogItem, LogReader, Recorder, Topic};
 use stockpilot::time::Stamp;
 
 /// A brain that says how many events it has seen, every third time.
@@ -52,6 +52,37 @@ fn the_same_brain_gives_the_same_bytes() {
     assert!(report.identical && report.is_complete);
     assert_eq!((report.events, report.results_compared), (100, 33));
     assert_eq!(report.first_difference, None);
+}
+
+#[test]
+fn what_a_person_said_before_the_start_is_in_the_log_and_a_replay_passes_over_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("flight.mcap");
+    let mut recorder = Recorder::create(&path, &LogHeader::default()).unwrap();
+    let at = |n: u32| Stamp::from_nanos(i64::from(n) * 1_000_000);
+    for (n, (event, actions)) in (0..).zip(flight(30)) {
+        if n == 10 {
+            let said =
+                Declaration { verb: OperatorVerb::FlyGaps, by: "Zoë \"Z\" Pilot".to_owned() };
+            recorder.declared(at(n), &said);
+        }
+        recorder.event(at(n), &event);
+        actions.iter().for_each(|action| recorder.result(at(n), action));
+    }
+    assert_eq!(recorder.close().lost_on_disk, 0);
+    let declared = LogReader::open(&path).unwrap().find_map(|item| match item {
+        LogItem::Result { topic: Topic::Declared, json, .. } => Some(json),
+        _ => None,
+    });
+    let declared: serde_json::Value = serde_json::from_slice(&declared.unwrap()).unwrap();
+    let expected = serde_json::json!({
+        "at_ns": 10_000_000, "verb": "fly_gaps", "by": "Zoë \"Z\" Pilot", "nobody_inside": true,
+        "remote_in_hand": true, "hall_as_before": true, "no_dust_zone": true,
+    });
+    assert_eq!(declared, expected);
+    let report = replayed(&path);
+    assert!(report.identical && report.is_complete, "{report:?}");
+    assert_eq!((report.events, report.results_compared), (30, 10));
 }
 
 #[test]

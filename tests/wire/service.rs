@@ -5,7 +5,7 @@ use mavlink::dialects::ardupilotmega::{MavMessage, MavType};
 use std::sync::{Arc, Mutex};
 use stockpilot::config::Config;
 use stockpilot::link;
-use stockpilot::messages::{FlightMode, Scan};
+use stockpilot::messages::{Declaration, FlightMode, Scan};
 use stockpilot::pilot::{Action, Event, Pilot};
 use stockpilot::service::clock::{Clock, ClockDriver};
 use stockpilot::service::{Recorder, RunningService, Service, ServiceSetup};
@@ -30,6 +30,8 @@ impl Recorder for RecordingSink {
 
     fn action(&mut self, _at: Stamp<Mono>, _action: &Action) {}
 
+    fn declared(&mut self, _at: Stamp<Mono>, _said: &Declaration) {}
+
     fn lost(&self) -> u64 {
         0
     }
@@ -52,6 +54,8 @@ impl Recorder for FailingRecorder {
     }
 
     fn action(&mut self, _at: Stamp<Mono>, _action: &Action) {}
+
+    fn declared(&mut self, _at: Stamp<Mono>, _said: &Declaration) {}
 
     fn lost(&self) -> u64 {
         self.lost

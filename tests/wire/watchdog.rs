@@ -7,6 +7,7 @@ use std::process::{Child, Command, Stdio};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use stockpilot::link;
+use stockpilot::messages::Declaration;
 use stockpilot::pilot::{Action, Event};
 use stockpilot::service::clock::Clock;
 use stockpilot::service::{Recorder, Service, ServiceSetup, watchdog};
@@ -91,6 +92,7 @@ impl Recorder for Gated {
         drop(self.0.lock().unwrap());
     }
     fn action(&mut self, _at: Stamp<Mono>, _action: &Action) {}
+    fn declared(&mut self, _at: Stamp<Mono>, _said: &Declaration) {}
     fn lost(&self) -> u64 {
         0
     }

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::messages::{LandedState, Room, Severity, StorageState, TakeOff, VehicleState};
+use crate::mission::PreflightFault;
 use std::time::Duration;
 
 fn inputs(seconds: f64) -> Inputs {
@@ -715,4 +716,24 @@ fn a_flight_into_gaps_needs_gaps_and_is_not_the_other_start() {
     let in_the_air = Inputs { has_gaps: true, ..flying(11.0) };
     assert!(!mission.on_operator(OperatorVerb::FlyGaps, &in_the_air, &mut effects));
     assert!(mission.phase() == Phase::Survey && !mission.is_into_gaps());
+}
+
+#[test]
+fn nobody_starts_where_dust_may_explode_and_nobody_has_released_it() {
+    let settings = Settings { is_dust_cleared: false, ..Settings::default() };
+    for verb in [OperatorVerb::Start, OperatorVerb::FlyGaps] {
+        let mut mission = Mission::new(settings);
+        let mut effects = Vec::new();
+        let all_well = |seconds| Inputs { has_gaps: true, ..inputs(seconds) };
+        let faults: Vec<PreflightFault> =
+            mission.preflight_checks(&all_well(0.0)).into_iter().filter_map(|c| c.fault).collect();
+        assert_eq!(faults, [PreflightFault::DustZone]);
+        mission.on_operator(verb, &all_well(0.0), &mut effects);
+        for tenth in 1..1_200 {
+            mission.step(&all_well(f64::from(tenth) / 10.0), &mut effects);
+        }
+        assert_eq!(mission.phase(), Phase::Idle);
+        let arm = Effect::Command(VehicleCommand::Arm);
+        assert!(!effects.contains(&arm), "{effects:?}");
+    }
 }

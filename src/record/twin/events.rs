@@ -7,9 +7,10 @@ use super::enums::{
 use super::scalars::{Nanos, OptionalWxyz, Xyz};
 use crate::geometry::{Body, Direction, Hall, Point, Rotation};
 use crate::messages::{
-    AutopilotPose, BatterySample, Beam, CameraId, CommandOutcome, FlightMode, ImuSample,
-    LandedState, OperatorCommand, OperatorRequest, OperatorVerb, PointDetection, Room, Scan,
-    StorageState, TagDetection, TagDetections, TagFamily, TakeOff, VehicleCommand, VehicleState,
+    AutopilotPose, BatterySample, Beam, CameraId, CommandOutcome, Declaration, FlightMode,
+    ImuSample, LandedState, OperatorCommand, OperatorRequest, OperatorVerb, PointDetection, Room,
+    Scan, StorageState, TagDetection, TagDetections, TagFamily, TakeOff, VehicleCommand,
+    VehicleState,
 };
 use crate::time::{Mono, Stamp};
 use nalgebra::Vector3;
@@ -219,6 +220,41 @@ pub(in crate::record) struct CommandOutcomeTwin {
     #[serde(with = "VehicleCommandTwin")]
     command: VehicleCommand,
     is_accepted: bool,
+}
+
+/// What a named person said before a start from the page; all of it, or there was no start.
+#[derive(Serialize, JsonSchema)]
+#[expect(clippy::struct_excessive_bools, reason = "four things that are said one by one")]
+pub(in crate::record) struct DeclaredTwin {
+    /// When it was said, ns.
+    at_ns: i64,
+    /// The start that it was said for.
+    #[serde(with = "OperatorVerbTwin")]
+    verb: OperatorVerb,
+    /// Who said it, as typed.
+    by: String,
+    /// Nobody is in the hall, and nobody can walk in.
+    nobody_inside: bool,
+    /// The remote control is in the person's hand, its mode and kill switches are tried.
+    remote_in_hand: bool,
+    /// Machines stand, doors and fans are as in the last survey.
+    hall_as_before: bool,
+    /// The hall is no dust zone, or a named person has released it.
+    no_dust_zone: bool,
+}
+
+impl DeclaredTwin {
+    pub(in crate::record) fn new(at: Stamp<Mono>, said: &Declaration) -> Self {
+        Self {
+            at_ns: at.nanos(),
+            verb: said.verb,
+            by: said.by.clone(),
+            nobody_inside: true,
+            remote_in_hand: true,
+            hall_as_before: true,
+            no_dust_zone: true,
+        }
+    }
 }
 
 #[derive(Serialize, Deserialize, JsonSchema)]

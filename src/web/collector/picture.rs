@@ -7,6 +7,7 @@ use crate::mapping::statement::{COVERAGE_FACTOR, Statement};
 use crate::messages::{FlightMode, Room, VolumeAccount};
 use crate::mission::Phase;
 use crate::pilot::{OfferedGap, Outlook};
+use crate::planning::planner::PlanEnd;
 use crate::web::advice;
 use crate::web::state::{
     Battery, Camera, Check, Computer, Fix, Gap, Level, Lidar, Link, Pose, Review, Source, State,
@@ -89,7 +90,12 @@ impl Collector {
         // With one bay the whole is told twice.
         let skip = usize::from(self.accounts.len() == 2);
         let shown = self.accounts.iter().enumerate().skip(skip);
-        shown.filter_map(|(k, account)| volume(account, self.earlier_accounts.get(k))).collect()
+        let stated = shown.filter_map(|(k, account)| {
+            let mut volume = volume(account, self.earlier_accounts.get(k))?;
+            volume.until_target_s = self.until_target_s(k, account);
+            Some(volume)
+        });
+        stated.collect()
     }
 
     fn target(&self) -> Target {
@@ -97,11 +103,37 @@ impl Collector {
         let percent =
             ends_survey.map_or(self.target_percent, |ratio| 100.0 * COVERAGE_FACTOR * ratio);
         let now_percent = self.accounts.first().and_then(expanded_percent);
-        Target { percent, now_percent, ends_survey: ends_survey.is_some(), left_s: self.left_s() }
+        let left_s = self.left_s();
+        Target {
+            percent,
+            now_percent,
+            ends_survey: ends_survey.is_some(),
+            left_s,
+            end_percent: left_s.and_then(|_| self.end_percent()),
+        }
     }
 
-    /// Time for the way ahead at the pace of the survey so far.
+    /// Time until a volume's U meets its aim, if that is to be expected on the way ahead.
+    fn until_target_s(&self, nth: usize, account: &VolumeAccount) -> Option<f64> {
+        let outlook = self.outlook.as_ref().filter(|outlook| outlook.phase == Phase::Survey)?;
+        expanded_percent(account)?;
+        let percent = self.target().percent;
+        let until_s = self.remaining.until_s(outlook.at, (nth, account), percent)?;
+        self.left_s().is_none_or(|left_s| until_s <= left_s).then_some(until_s)
+    }
+
+    /// U of the whole at the end of the plan, % of the volume as it is now, from planners that know.
+    fn end_percent(&self) -> Option<f64> {
+        let sigma_end_m3 = self.plan.as_ref()?.prediction?.sigma_end_m3;
+        let volume_m3 = self.accounts.first()?.estimate.volume_m3;
+        (volume_m3 > LEAST_VOLUME_M3).then(|| 100.0 * COVERAGE_FACTOR * sigma_end_m3 / volume_m3)
+    }
+
+    /// Time for the way ahead at the pace of the survey so far; nothing where the plan is shorter than the survey.
     fn left_s(&self) -> Option<f64> {
+        if !self.plan.as_ref().is_some_and(|plan| is_to_the_end(plan.end)) {
+            return None;
+        }
         let outlook = self.outlook.as_ref()?;
         if !matches!(outlook.phase, Phase::Survey | Phase::TakeOff | Phase::Hold) {
             return None;
@@ -276,12 +308,19 @@ fn volume(account: &VolumeAccount, before: Option<&VolumeAccount>) -> Option<Vol
             shares.disturbed_ratio,
         ],
         trend,
+        until_target_s: None,
         sources: sources
             .filter(is_of_volume)
             .take(SOURCES_SHOWN)
             .map(|row| Source { name: row.source.name(), share: row.var_m6 / var_m6 })
             .collect(),
     })
+}
+
+/// The survey ends where such a plan does. With others the planner is asked again on the way, also where the number of
+/// waypoints or the battery has cut a plan short.
+const fn is_to_the_end(end: PlanEnd) -> bool {
+    matches!(end, PlanEnd::Complete | PlanEnd::Target | PlanEnd::SmallGain)
 }
 
 fn expanded_percent(account: &VolumeAccount) -> Option<f64> {

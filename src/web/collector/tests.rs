@@ -2,12 +2,16 @@
 
 use super::*;
 use crate::camera::CameraStats;
+use crate::geometry::{Direction, Point, Rotation, Transform};
 use crate::lidar::LidarStatus;
 use crate::messages::{
-    GridGeometry, StatusText, VolumeAccount, VolumeBudget, VolumeEstimate, VolumeShares,
+    BudgetRow, BudgetSource, GridGeometry, NavEstimate, StatusText, VolumeAccount, VolumeBudget,
+    VolumeEstimate, VolumeShares,
 };
-use crate::pilot::{OfferedGap, PhaseChange};
+use crate::pilot::{OfferedGap, PhaseChange, PlanChoice};
+use crate::planning::planner::{PlanEnd, Prediction};
 use crate::web::state::Viewers;
+use nalgebra::{SMatrix, Vector3};
 use std::time::Duration;
 
 /// A hall of 6 m × 4 m without anything in it.
@@ -181,4 +185,105 @@ async fn the_next_flight_begins_with_an_empty_page() {
     let next = collector.picture(&beside(now));
     assert_eq!((next.flight_s, next.volumes.len(), next.n_points), (None, 0, 0));
     assert_eq!(next.lines.len(), 1, "what was said stays readable");
+}
+
+fn estimate(place_m: [f64; 3]) -> NavEstimate {
+    NavEstimate {
+        at: Stamp::ZERO,
+        hall_from_body: Transform::new(
+            Rotation::identity(),
+            Point::new(place_m[0], place_m[1], place_m[2]),
+        ),
+        velocity_mps: Direction::new(0.0, 0.0, 0.0),
+        gyro_radps: Vector3::zeros(),
+        gyro_bias_radps: Vector3::zeros(),
+        accel_bias_mps2: Vector3::zeros(),
+        error_cov: SMatrix::zeros(),
+        reset_counter: 0,
+    }
+}
+
+fn plan(end: PlanEnd, sigma_end_m3: Option<f64>) -> News {
+    let prediction = sigma_end_m3.map(|sigma_end_m3| Prediction {
+        sigma_now_m3: 9.0,
+        sigma_end_m3,
+        length_m: 11.0,
+    });
+    let choice = PlanChoice { at: Stamp::ZERO, ahead: Vec::new(), end, prediction };
+    News::Action(Stamp::ZERO, Action::PlanChosen(Box::new(choice)))
+}
+
+#[tokio::test]
+async fn the_way_ahead_is_told_where_it_is_that_of_the_whole_survey() {
+    let mut collector = collector();
+    let now = Instant::now();
+    let told = vec![account("hall", 200.0, 4.0)];
+    collector.take(News::Action(Stamp::ZERO, Action::VolumesAccounted(told)), now);
+    // 10 m in 20 s, then 5 m and 6 m to go.
+    for (at_s, flown_m) in [(100, 30.0), (120, 40.0)] {
+        let flying = Outlook {
+            steps_done: 3,
+            flown_m,
+            estimate: Some(estimate([1.0, 2.0, 5.0])),
+            ahead_m: vec![[4.0, 6.0, 5.0], [4.0, 12.0, 5.0]],
+            ..outlook(at_s, Phase::Survey)
+        };
+        collector.take(News::Outlook(Box::new(flying), Box::default()), now);
+    }
+    let target = |collector: &Collector| collector.picture(&beside(now)).target;
+    assert_eq!(target(&collector).left_s, None, "no plan is known");
+    for end in [PlanEnd::Open, PlanEnd::Budget, PlanEnd::NothingFree] {
+        collector.take(plan(end, Some(1.5)), now);
+        let seen = target(&collector);
+        assert_eq!((seen.left_s, seen.end_percent), (None, None), "{end:?}");
+    }
+    for end in [PlanEnd::Complete, PlanEnd::Target, PlanEnd::SmallGain] {
+        collector.take(plan(end, None), now);
+        // 11 m at 0.5 m/s.
+        assert!((target(&collector).left_s.unwrap() - 22.0).abs() < 1e-9, "{end:?}");
+        assert_eq!(target(&collector).end_percent, None);
+    }
+    collector.take(plan(PlanEnd::Target, Some(1.5)), now);
+    // 2 · 1.5 m³ of 200 m³.
+    assert!((target(&collector).end_percent.unwrap() - 1.5).abs() < 1e-9);
+}
+
+#[tokio::test]
+async fn each_bay_has_a_time_of_its_own_until_its_target() {
+    let mut collector = collector();
+    let now = Instant::now();
+    let bay = |name, var_m6: f64| account(name, 100.0, var_m6.sqrt());
+    let mut heard = |at_s: i64| {
+        let t = f64::from(i32::try_from(at_s).unwrap());
+        // U of 2 % of 100 m³ is σ = 1 m³: the first gets there from 41 − 0.5·60 in 20 s.
+        let mut floored = bay("on an unsure floor", 41.0 - 0.5 * t);
+        floored.budget.rows.push(BudgetRow { source: BudgetSource::Base, var_m6: 1.2 });
+        let told = vec![
+            bay("hall", 41.0 - 0.5 * t),
+            bay("not flown over", 30.0),
+            bay("slow", 300.0 - 0.2 * t),
+            bay("met", (3.0 - 0.04 * t).max(0.9)),
+            floored,
+        ];
+        let at = Stamp::from_nanos(at_s * 1_000_000_000);
+        collector.take(News::Action(at, Action::VolumesAccounted(told)), now);
+        collector.take(News::Outlook(Box::new(outlook(at_s, Phase::Survey)), Box::default()), now);
+        collector.picture(&beside(now)).volumes.iter().map(|v| v.until_target_s).collect::<Vec<_>>()
+    };
+    let mut newest = Vec::new();
+    for at_s in (0..=60).step_by(3) {
+        newest = heard(at_s);
+        if at_s < 18 {
+            assert!(newest.iter().all(Option::is_none), "{at_s} s say nothing: {newest:?}");
+        }
+    }
+    assert!((newest[0].unwrap() - 20.0).abs() < 1e-6, "{newest:?}");
+    assert_eq!(newest[1..], [None; 4], "{newest:?}");
+    // Between the accounts the time runs.
+    collector.take(News::Outlook(Box::new(outlook(65, Phase::Survey)), Box::default()), now);
+    let later = collector.picture(&beside(now)).volumes[0].until_target_s.unwrap();
+    assert!((later - 15.0).abs() < 1e-6, "{later}");
+    // On the way home nothing falls any more.
+    collector.take(News::Outlook(Box::new(outlook(66, Phase::Return)), Box::default()), now);
+    assert_eq!(collector.picture(&beside(now)).volumes[0].until_target_s, None);
 }

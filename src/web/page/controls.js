@@ -39,11 +39,11 @@ function tell(where, level, text) {
   where.textContent = text;
 }
 
-async function wish(verb, button, where) {
+async function wish(verb, button, where, declared) {
   const name = NAMES[verb];
   button.dataset.state = 'asking';
   tell(where, 'unknown', `${name}: asking …`);
-  const { status, answer } = await ask(`/api/wishes/${verb}`, { seq: newest?.seq });
+  const { status, answer } = await ask(`/api/wishes/${verb}`, { seq: newest?.seq, declared });
   const isAccepted = status === 200 && answer.is_accepted;
   button.dataset.state = isAccepted ? 'yes' : 'no';
   if (isAccepted) tell(where, 'good', `✓ ${name} acknowledged: ${answer.phase}`);
@@ -59,7 +59,11 @@ function lock(reason) {
   if (reason) tell($('answer'), 'bad', `✗ locked: ${reason}`);
 }
 
-const isSigned = () => [...$('signed').querySelectorAll('input')].every((box) => box.checked);
+const boxes = () => [...$('signed').querySelectorAll('input[type=checkbox]')];
+const signer = () => $('declared-by').value.trim();
+const isSigned = () => boxes().every((box) => box.checked) && signer() !== '';
+/** What goes into the log with a start: who said what. */
+const declaration = () => ({ by: signer(), ...Object.fromEntries(boxes().map((box) => [box.name, box.checked])) });
 
 /** Follows a new state. */
 export function show(state) {
@@ -88,7 +92,7 @@ function showChecks(state, isOpen) {
   $('start').disabled = !(isOpen && faults === 0 && isSigned() && state.phase === 'idle');
   if (!isOpen) tell($('start-answer'), 'unknown', 'Unlock the controls to start.');
   else if (faults) tell($('start-answer'), 'degraded', 'Mend what is red first.');
-  else if (!isSigned()) tell($('start-answer'), 'unknown', 'Say the four things above, then press START.');
+  else if (!isSigned()) tell($('start-answer'), 'unknown', 'Say the four things above and who you are, then press START.');
   else if (!$('start').dataset.state) tell($('start-answer'), 'good', 'Ready.');
 }
 
@@ -191,7 +195,8 @@ async function unlock(event) {
 function openPreflight(verb) {
   startVerb = verb;
   delete $('start').dataset.state;
-  for (const box of $('signed').querySelectorAll('input')) box.checked = false;
+  for (const box of boxes()) box.checked = false;
+  $('declared-by').value = '';
   $('preflight-dialog').showModal();
   show(newest);
 }
@@ -212,9 +217,9 @@ export function connect() {
     openPreflight('fly-gaps');
   });
   $('preflight-close').addEventListener('click', () => $('preflight-dialog').close());
-  $('signed').addEventListener('change', () => show(newest));
+  $('signed').addEventListener('input', () => show(newest));
   $('start').addEventListener('click', async () => {
-    if (await wish(startVerb, $('start'), $('start-answer'))) {
+    if (await wish(startVerb, $('start'), $('start-answer'), declaration())) {
       tell($('answer'), 'good', $('start-answer').textContent);
       $('preflight-dialog').close();
     }

@@ -86,7 +86,8 @@ function volumeCard(volume, target, { isFinal, isFlying, isAll, isAlone }) {
   if (volume.stated_t) {
     card.append(element('p', 'tonnes', `${grouped(volume.stated_t[0])} ± ${grouped(volume.stated_t[1])} t`));
   }
-  card.append(aim(volume, target, { isFinal, isFlying, isWhole: isAll || isAlone }));
+  card.append(aim(volume, target, { isFinal, isFlying }));
+  if (isFlying && (isAll || isAlone) && target.left_s !== null) card.append(element('p', 'aim', wayAhead(target)));
   const bar = element('div', 'shares');
   volume.shares.forEach((share, k) => {
     const part = element('i', `s${k}`);
@@ -100,7 +101,12 @@ function volumeCard(volume, target, { isFinal, isFlying, isAll, isAlone }) {
   return card;
 }
 
-function aim(volume, target, { isFinal, isFlying, isWhole }) {
+/** What the plan leads to; a planner that looks only a few waypoints ahead has none. */
+function wayAhead({ left_s: left, end_percent: end }) {
+  return `way ahead: about\u00a0${about(left)}${end === null ? '' : `, then U about\u00a0${fewDigits(end)}\u00a0%`}`;
+}
+
+function aim(volume, target, { isFinal, isFlying }) {
   const line = element('p', 'aim');
   if (volume.expanded_percent === null) {
     line.textContent = 'too little for a percentage';
@@ -109,8 +115,7 @@ function aim(volume, target, { isFinal, isFlying, isWhole }) {
   const isMet = volume.expanded_percent <= target.percent;
   const now = element('b', isMet ? 'met' : 'unmet', `${volume.expanded_percent > 100 ? 'over\u00a0100' : fewDigits(volume.expanded_percent)}\u00a0%${isFinal ? '' : `\u00a0${ARROWS[volume.trend]}`}`);
   line.append('U\u00a0', now, ` ${isFinal ? 'reached' : 'now'}, target\u00a0${target.percent.toFixed(1)}\u00a0%${isMet ? '\u00a0✓' : ''}`);
-  // The time is that of the whole way ahead; a bay that has reached its target needs none of it.
-  if (isFlying && target.left_s !== null && (isWhole || !isMet)) line.append(`, about\u00a0${about(target.left_s)}\u00a0left`);
+  if (isFlying && volume.until_target_s !== null) line.append(` in about\u00a0${about(volume.until_target_s)}`);
   return line;
 }
 
@@ -256,7 +261,8 @@ function showState(state) {
   showStrip(state);
   showAlarms(state.warnings);
   const { volumes, target, phase, is_final } = state;
-  if (isNew('volumes', [volumes, { ...target, left_s: or(target.left_s, about) }, phase, is_final])) showVolumes(state);
+  const rounded = volumes.map((volume) => ({ ...volume, until_target_s: or(volume.until_target_s, about) }));
+  if (isNew('volumes', [rounded, { ...target, left_s: or(target.left_s, about) }, phase, is_final])) showVolumes(state);
   showControls(state);
   const lines = gauges(state);
   if (isNew('health', lines)) showHealth(lines);

@@ -1,6 +1,6 @@
 //! What only who has the token may ask for.
 
-use crate::messages::OperatorVerb;
+use crate::messages::{Declaration, OperatorVerb};
 use crate::web::access::TOKEN_HEADER;
 use crate::web::review::Decision;
 use crate::web::shared::{Shared, count};
@@ -23,6 +23,8 @@ const ANSWER_WITHIN: Duration = Duration::from_secs(2);
 const OLDEST_SEEN: u64 = 15;
 /// A remark is a sentence, characters.
 const LONGEST_REMARK: usize = 500;
+/// A name, characters.
+const LONGEST_NAME: usize = 80;
 
 #[derive(OpenApi)]
 #[openapi(paths(token, wish, review), modifiers(&TokenScheme))]
@@ -60,6 +62,11 @@ impl Verb {
     const fn needs_fresh_eyes(self) -> bool {
         matches!(self, Self::Start | Self::FlyGaps | Self::Resume)
     }
+
+    /// Motors begin to turn: somebody with a name must have said that they may.
+    const fn needs_declaration(self) -> bool {
+        matches!(self, Self::Start | Self::FlyGaps)
+    }
 }
 
 impl From<Verb> for OperatorVerb {
@@ -76,11 +83,46 @@ impl From<Verb> for OperatorVerb {
 }
 
 /// What comes with a wish.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, ToSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, Default, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub(in crate::web) struct Seen {
     /// `seq` of the newest state that the person saw; needed to start, to fly the gaps and to resume.
     seq: Option<u64>,
+    /// What the person says before the motors turn; needed to start and to fly the gaps.
+    declared: Option<Declared>,
+}
+
+/// What a named person says before the motors turn. It is kept in the log.
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+#[expect(clippy::struct_excessive_bools, reason = "four things that are said one by one")]
+pub(in crate::web) struct Declared {
+    /// Who says so.
+    by: String,
+    /// Nobody is in the hall, and nobody can walk in.
+    nobody_inside: bool,
+    /// The remote control is in my hand, its mode and kill switches are tried.
+    remote_in_hand: bool,
+    /// Machines stand, doors and fans are as in the last survey.
+    hall_as_before: bool,
+    /// This hall is no dust zone, or a named person has released it.
+    no_dust_zone: bool,
+}
+
+impl Declared {
+    /// The declaration for a start, or what is missing in it.
+    fn complete(&self, verb: Verb) -> Result<Declaration, &'static str> {
+        let said =
+            [self.nobody_inside, self.remote_in_hand, self.hall_as_before, self.no_dust_zone];
+        let by: String = self.by.split_whitespace().collect::<Vec<_>>().join(" ");
+        if said.contains(&false) {
+            Err("say all four things first")
+        } else if by.is_empty() || by.chars().count() > LONGEST_NAME {
+            Err("say who you are, in 80 characters at most")
+        } else {
+            Ok(Declaration { verb: verb.into(), by })
+        }
+    }
 }
 
 /// What became of a wish.
@@ -128,12 +170,21 @@ pub(super) async fn token(State(shared): State<Arc<Shared>>, headers: HeaderMap)
     }
 }
 
+/// What is said to a wish, or what is missing.
+fn declaration(verb: Verb, said: Option<&Declared>) -> Result<Option<Declaration>, &'static str> {
+    if !verb.needs_declaration() {
+        return Ok(None);
+    }
+    said.ok_or("a start needs `declared`: say the four things first")?.complete(verb).map(Some)
+}
+
 /// Asks the mission for something; the answer is the mission's own.
 #[utoipa::path(post, path = "/api/wishes/{verb}", params(("verb" = Verb, Path)),
     request_body = Seen, security(("token" = [])),
     responses((status = 200, body = Answer), (status = 401, body = Answer),
         (status = 403, body = Answer),
         (status = 409, body = Answer, description = "it makes no sense now, or the picture was old"),
+        (status = 422, body = Answer, description = "a start without the whole declaration"),
         (status = 503, body = Answer), (status = 504, body = Answer)))]
 pub(super) async fn wish(
     State(shared): State<Arc<Shared>>,
@@ -150,7 +201,14 @@ pub(super) async fn wish(
         count(&shared.counters.refused);
         return refused(StatusCode::CONFLICT, "the page was out of date: look again, then press");
     }
-    let (wish, answer) = Wish::new(verb.into());
+    let said = match declaration(verb, seen.declared.as_ref()) {
+        Ok(said) => said,
+        Err(missing) => {
+            count(&shared.counters.refused);
+            return refused(StatusCode::UNPROCESSABLE_ENTITY, missing);
+        }
+    };
+    let (wish, answer) = Wish::new(verb.into(), said);
     if shared.wishes.try_send(wish).is_err() {
         return refused(StatusCode::SERVICE_UNAVAILABLE, "the brain takes nothing");
     }
