@@ -235,8 +235,9 @@ impl Oblique {
     }
 }
 
-/// Seen aslant, cells are 7 px along the upright edges and some 2 px across them. With a band by the cells along,
-/// its rims lie in the data cells, and hardly an edge fits: then the guess stays, which is off by 0.144 px.
+/// Seen aslant, cells are 4.5 px along the upright edges and 1 to 2 px across them. With a band by the cells along, its
+/// rims lie in the data cells, and one upright edge in two does not fit: then the guess stays, off by 0.144 px,
+/// and 0.11 px is the root mean square of all.
 #[test]
 fn the_corners_of_a_tag_seen_aslant_are_where_they_were_drawn() {
     let mut noise = SeedBook::new(8).stream("oblique");
@@ -248,7 +249,7 @@ fn the_corners_of_a_tag_seen_aslant_are_where_they_were_drawn() {
             let tag = Oblique {
                 turn_rad: turn_deg.to_radians(),
                 roll_rad,
-                edge_px: 60.0,
+                edge_px: 36.0,
                 middle_px: [noise.between(55.0, 65.0), noise.between(55.0, 65.0)],
                 cells,
             };
@@ -267,7 +268,7 @@ fn the_corners_of_a_tag_seen_aslant_are_where_they_were_drawn() {
     }
     let rms = rms(&errors);
     println!("aslant: guess 0.144 px, rms {rms:.4} px");
-    assert!(rms < 0.06, "{rms} px");
+    assert!(rms < 0.085, "{rms} px");
 }
 
 #[test]
