@@ -10,7 +10,7 @@ use stockpilot::mapping::kalman_grid::{self, KalmanGrid};
 use stockpilot::mapping::projection::LidarMount;
 use stockpilot::mapping::region::{Rect, Region};
 use stockpilot::mapping::sparse_gp::{Cut, Posterior, Settings};
-use stockpilot::mapping::{self, Mapper, Method};
+use stockpilot::mapping::{self, Mapper, Method, SolveSurface};
 use stockpilot::messages::{Beam, GridGeometry, PoseError, Scan};
 use stockpilot::time::{Mono, Stamp};
 
@@ -110,6 +110,36 @@ fn beams(c: &mut Criterion) {
     group.finish();
 }
 
+/// All beams of a flight added up on the field, as every round of a solve does anew; `insert_450_beams_with_field`
+/// only keeps them.
+fn gather(c: &mut Criterion) {
+    const N_TURNS: u32 = 40;
+    let mut mapper = mapper(Method::MaternField);
+    for turn in 0..N_TURNS {
+        let start = Stamp::from_nanos(100_000_000 * i64::from(turn));
+        let pose = Transform::<Hall, Body>::new(
+            Rotation::from_euler_rad(0.02, -0.03, 0.4),
+            Point::new(5.0 + 0.25 * f64::from(turn), 10.0, 7.0),
+        );
+        let pose_at = |_| Some((pose, Matrix6::from_diagonal_element(4e-4)));
+        mapper.insert(&Scan { start, ..scan() }, pose_at, pose_error);
+    }
+    let n_beams = u64::from(N_TURNS) * 450;
+    assert_eq!(mapper.counts().used, n_beams);
+    let at = Stamp::from_nanos(10_000_000_000);
+    let solved = mapper.snapshot(at, false).run().expect("solved");
+    mapper.absorb(&solved);
+    let SolveSurface::MaternField(work) = mapper.snapshot(at, false) else {
+        unreachable!("the mapper keeps a field")
+    };
+    let (info, n_refused) = work.added_up();
+    assert!(n_refused == 0 && (0..info.n_nodes()).any(|node| info.info_per_m2(node) > 0.0));
+    let mut group = c.benchmark_group("field");
+    group.throughput(Throughput::Elements(n_beams));
+    group.bench_function("gather_40_turns", |b| b.iter(|| black_box(&work).added_up()));
+    group.finish();
+}
+
 /// A square grid whose cells know their height in stripes.
 fn cells(n: usize) -> (GridGeometry, Vec<f64>, Vec<f64>) {
     let geometry = GridGeometry { x_min_m: 0.0, y_min_m: 0.0, cell_m: 0.25, n_cols: n, n_rows: n };
@@ -147,5 +177,5 @@ fn surface(c: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, beams, surface);
+criterion_group!(benches, beams, gather, surface);
 criterion_main!(benches);

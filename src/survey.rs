@@ -22,7 +22,7 @@ mod table;
 pub use calibrate::{CalibrateError, LidarCalibration, MountOptions, calibrate_mount};
 pub use compare::{BayChange, ChangeReport, Origin, Survey, SurveyError, compare};
 pub use flight::{FixStatistics, Flight, Reproduction};
-pub use floor::{Floor, FloorError, FloorMemory, Learned, survey_floor};
+pub use floor::{Floor, FloorError, FloorMemory, Learned, Level, survey_floor};
 pub use learn::{FieldNumbers, LearnedPrior, learn_prior};
 pub use merge::{MergeLogsError, MergeOptions, MergedLog, MergedSurvey, merge_logs};
 pub use table::{AccountLine, accounts_table};

@@ -26,6 +26,8 @@ pub struct CalibrationSigmas {
     pub clock_offset_sigma_ms: f64,
     /// Place of each marker in the service's map, each axis, independent of the others, m.
     pub marker_sigma_m: f64,
+    /// Place of the service's map of the markers as a whole, each axis, m.
+    pub marker_datum_sigma_m: f64,
     /// Direction of each marker in the service's map, about each axis, deg.
     pub marker_rotation_sigma_deg: f64,
 }
@@ -39,6 +41,7 @@ impl CalibrationSigmas {
         mount_rotation_sigma_deg: 0.0,
         clock_offset_sigma_ms: 0.0,
         marker_sigma_m: 0.0,
+        marker_datum_sigma_m: 0.0,
         marker_rotation_sigma_deg: 0.0,
     };
 
@@ -53,6 +56,7 @@ impl CalibrationSigmas {
             mount_rotation_sigma_deg: kept(ErrorSource::Mount, self.mount_rotation_sigma_deg),
             clock_offset_sigma_ms: kept(ErrorSource::Clock, self.clock_offset_sigma_ms),
             marker_sigma_m: kept(ErrorSource::Markers, self.marker_sigma_m),
+            marker_datum_sigma_m: kept(ErrorSource::Datum, self.marker_datum_sigma_m),
             marker_rotation_sigma_deg: kept(ErrorSource::Markers, self.marker_rotation_sigma_deg),
         }
     }
@@ -67,6 +71,7 @@ impl Default for CalibrationSigmas {
             mount_rotation_sigma_deg: 0.2,
             clock_offset_sigma_ms: 2.0,
             marker_sigma_m: 0.005,
+            marker_datum_sigma_m: 0.005,
             marker_rotation_sigma_deg: 0.0,
         }
     }
@@ -83,6 +88,9 @@ pub enum ErrorSource {
     Clock,
     /// The map of the markers.
     Markers,
+    /// The map of the markers as a whole; beside `markers` only, and not among the usual ones: the
+    /// service's own σ of it is 0.
+    Datum,
 }
 
 /// The errors of one run.
@@ -100,6 +108,8 @@ pub struct CalibrationErrors {
     pub clock_offset_s: f64,
     /// Errors of the service's map, one for each marker in the order of the hall's; none without.
     pub markers: Vec<MarkerError>,
+    /// The service's map of all markers minus the truth, in hall axes, m.
+    pub datum_m: Vector3<f64>,
 }
 
 /// Where the service's map has a marker, against where it hangs.
@@ -132,6 +142,7 @@ impl CalibrationErrors {
                     turn_rad: marker_turn_sigma_rad * markers.normal3(),
                 })
                 .collect(),
+            datum_m: sigmas.marker_datum_sigma_m * stream("datum").normal3(),
         }
     }
 
@@ -156,7 +167,8 @@ impl CalibrationErrors {
         let turn = Rotation3::from_scaled_axis(error.turn_rad);
         let middle_m = tag.centre().coords;
         tag.corners.map(|corner| {
-            Point::from_coords(middle_m + error.shift_m + turn * (corner.coords - middle_m))
+            let shift_m = self.datum_m + error.shift_m;
+            Point::from_coords(middle_m + shift_m + turn * (corner.coords - middle_m))
         })
     }
 }
@@ -177,6 +189,7 @@ mod tests {
                 vec![e.range_bias_m / 0.010, e.range_scale / 0.001, e.clock_offset_s / 0.002];
             z.extend(e.mount_position_m.iter().map(|m| m / 0.005));
             z.extend(e.mount_rotation_rad.iter().map(|rad| rad.to_degrees() / 0.2));
+            z.extend(e.datum_m.iter().map(|m| m / 0.005));
             for marker in &e.markers {
                 z.extend(marker.shift_m.iter().map(|m| m / 0.005));
                 z.extend(marker.turn_rad.iter().map(|rad| rad.to_degrees() / 0.3));
@@ -191,7 +204,7 @@ mod tests {
         let runs = standardised(4000);
         let n = runs.len() as f64;
         let width = runs[0].len();
-        assert_eq!(width, 21);
+        assert_eq!(width, 24);
         for a in 0..width {
             let mean = runs.iter().map(|z| z[a]).sum::<f64>() / n;
             // Four and a half standard errors: 1/√n of the mean, √(2/n) of the variance, 1/√n of
@@ -255,7 +268,7 @@ mod tests {
             let mapped = errors.mapped_corners(i, tag);
             let middle = mapped.iter().map(|c| c.coords).sum::<Vector3<f64>>() / 4.0;
             let shift_m = middle - tag.centre().coords;
-            assert!((shift_m - errors.markers[i].shift_m).norm() < 1e-12);
+            assert!((shift_m - errors.datum_m - errors.markers[i].shift_m).norm() < 1e-12);
             for k in 0..4 {
                 let edge_m = (mapped[k] - mapped[(k + 1) % 4]).coords.norm();
                 assert!((edge_m - tag.edge_m).abs() < 1e-12);

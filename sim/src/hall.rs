@@ -112,6 +112,7 @@ const fn uncertainty(sigmas: &CalibrationSigmas) -> UncertaintySection {
         mount_rotation_sigma_deg: sigmas.mount_rotation_sigma_deg,
         clock_offset_sigma_ms: sigmas.clock_offset_sigma_ms,
         marker_sigma_m: sigmas.marker_sigma_m,
+        marker_datum_sigma_m: sigmas.marker_datum_sigma_m,
     }
 }
 
@@ -147,6 +148,8 @@ fn hall(world: &World) -> HallSection {
         // The worlds' floor is level by construction.
         base_sigma_m: 0.0,
         base: None,
+        density_t_per_m3: None,
+        density_sigma_t_per_m3: None,
         max_pile_height_m: MAX_PILE_HEIGHT_M,
         walls_m: Some(world.outline_m.clone()),
         ceiling_m: Some(world.hall.max_m.z),
@@ -364,6 +367,7 @@ mod tests {
             "--draw-errors",
             "--steepness=2",
             "--marker-noise=2",
+            "--surface=kalman-grid",
             "--variance=printed",
             "--cruise-mps=0.5",
             "--leg-spacing-m=2.5",
@@ -397,6 +401,20 @@ mod tests {
     }
 
     #[test]
+    fn a_datum_is_drawn_only_where_it_is_named() {
+        let offset_m = |options: &[&str]| {
+            let scenario = scenario(options).expect("a scenario");
+            let told = config(&scenario, Devices::none());
+            assert!(told.pilot_settings().is_ok());
+            let datum_m = scenario.conditions.errors.datum_m;
+            (datum_m.norm(), told.surface.uncertainty.marker_datum_sigma_m)
+        };
+        assert_eq!(offset_m(&["--draw-errors"]), (0.0, 0.0));
+        let (drawn_m, told_m) = offset_m(&["--draw-errors=markers,datum"]);
+        assert!(drawn_m > 0.0 && (told_m - 0.005).abs() < 1e-15);
+    }
+
+    #[test]
     fn options_out_of_range_are_refused() {
         for options in [
             &["--dust=1.5"][..],
@@ -404,6 +422,10 @@ mod tests {
             &["--marker-noise=-1"],
             &["--world=nowhere.asc", "--steepness=2"],
             &["--draw-errors=wind"],
+            // What would stay without effect.
+            &["--variance=printed"],
+            &["--variance=full", "--surface=matern-field"],
+            &["--draw-errors=datum"],
         ] {
             assert!(scenario(options).is_err(), "{options:?}");
         }

@@ -40,7 +40,8 @@ pub struct ScenarioArgs {
     /// How the surface is kept.
     #[arg(long, value_enum, default_value_t = Surface::MaternField)]
     pub surface: Surface,
-    /// The paper's laws of variance as printed, or corrected; the service's own default if left out.
+    /// The paper's laws of variance as printed, or corrected, of `--surface kalman-grid` only; the service's
+    /// own default if left out.
     #[arg(long, value_enum)]
     pub variance: Option<Variance>,
     /// The LiDAR: ld19, rplidar-a3, ydlidar-g4, hokuyo-utm30lx, or any other with a driver.
@@ -358,6 +359,11 @@ impl ScenarioArgs {
         ensure!((0.1..=4.0).contains(&self.steepness), "--steepness is 0.1 to 4");
         ensure!(is_generated || is_usual, "--steepness is for generated worlds: use --scale-z");
         ensure!((0.0..=20.0).contains(&self.marker_noise), "--marker-noise is 0 to 20");
+        let has_laws = self.variance.is_none() || self.surface == Surface::KalmanGrid;
+        ensure!(has_laws, "--variance is of --surface kalman-grid: matern-field has one law only");
+        let draws = |source| self.draw_errors.contains(&source);
+        let has_markers = !draws(ErrorSource::Datum) || draws(ErrorSource::Markers);
+        ensure!(has_markers, "--draw-errors: datum is drawn beside markers only");
         ensure!((0.0..=1.0).contains(&self.hazards.dust_ratio), "--dust is a share from 0 to 1");
         Ok(())
     }

@@ -130,6 +130,15 @@ impl Config {
         self.read_meshes(folder)
     }
 
+    /// The region that a survey with this configuration measures: its bays, and what of it does not
+    /// count, obstacles that stand on the floor included.
+    ///
+    /// # Errors
+    /// Any part of it that is no ground.
+    pub fn measured_region(&self) -> Result<Region, ConfigError> {
+        self.region(within("surface.cell_m", self.surface.cell_m, (0.05, 5.0), "m")?)
+    }
+
     /// The region with its bays and exclusions, checked against each other on cells of `cell_m`.
     pub(super) fn region(&self, cell_m: f64) -> Result<Region, ConfigError> {
         let hall = &self.hall;
@@ -156,10 +165,16 @@ impl Config {
 
     fn bays(&self, bounds: &Rect) -> Result<Vec<Bay>, ConfigError> {
         let hall_base = self.hall_base()?;
+        let of_hall = (self.hall.density_t_per_m3, self.hall.density_sigma_t_per_m3);
+        let hall_density = density("hall", of_hall)?;
         if self.bays.is_empty() {
             let outline = Polygon::from(*bounds);
             let name = WHOLE_REGION.to_owned();
-            return Ok(vec![Bay { name, outline, base: hall_base, density: None }]);
+            return Ok(vec![Bay { name, outline, base: hall_base, density: hall_density }]);
+        }
+        if hall_density.is_some() {
+            let message = "is for a hall without bays: give each of the bays its own";
+            return Err(invalid("hall.density_t_per_m3", message));
         }
         let bay = |(index, section): (usize, &BaySection)| {
             let key = format!("bays[{index}]");
@@ -170,7 +185,7 @@ impl Config {
                     Some(base) => base_surface(&format!("{key}.base"), base)?,
                     None => hall_base.clone(),
                 },
-                density: density(&key, section)?,
+                density: density(&key, (section.density_t_per_m3, section.density_sigma_t_per_m3))?,
             })
         };
         self.bays.iter().enumerate().map(bay).collect()
@@ -234,20 +249,18 @@ fn footprint(key: &str, section: &ExclusionSection) -> Result<Footprint, ConfigE
     }
 }
 
-fn density(key: &str, section: &BaySection) -> Result<Option<Density>, ConfigError> {
-    let Some(mean_t_per_m3) = section.density_t_per_m3 else {
-        return match section.density_sigma_t_per_m3 {
-            None => Ok(None),
-            Some(_) => Err(invalid(
-                &format!("{key}.density_sigma_t_per_m3"),
-                "there is no density_t_per_m3 that it belongs to",
-            )),
-        };
+fn density(
+    key: &str,
+    (mean_t_per_m3, sigma_t_per_m3): (Option<f64>, Option<f64>),
+) -> Result<Option<Density>, ConfigError> {
+    let (mean_key, sigma_key) =
+        (format!("{key}.density_t_per_m3"), format!("{key}.density_sigma_t_per_m3"));
+    let Some(mean_t_per_m3) = mean_t_per_m3 else {
+        let message = "there is no density_t_per_m3 that it belongs to";
+        return sigma_t_per_m3.map_or(Ok(None), |_| Err(invalid(&sigma_key, message)));
     };
-    let mean_key = format!("{key}.density_t_per_m3");
-    let sigma_key = format!("{key}.density_sigma_t_per_m3");
     let mean_t_per_m3 = within(&mean_key, mean_t_per_m3, (0.01, 25.0), "t/m³")?;
-    let sigma = section.density_sigma_t_per_m3.unwrap_or(0.0);
+    let sigma = sigma_t_per_m3.unwrap_or(0.0);
     let sigma_t_per_m3 = within(&sigma_key, sigma, (0.0, mean_t_per_m3), "t/m³")?;
     Ok(Some(Density { mean_t_per_m3, sigma_t_per_m3 }))
 }

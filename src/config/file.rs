@@ -112,6 +112,12 @@ pub struct HallSection {
     /// Another kind of base than a level, for all bays that have none of their own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub base: Option<BaseSection>,
+    /// Bulk density of all material, t/m³, for a hall without bays; without it there are no tonnes.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub density_t_per_m3: Option<f64>,
+    /// Its standard deviation, t/m³; exact if left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub density_sigma_t_per_m3: Option<f64>,
     /// No pile is higher than this, m.
     pub max_pile_height_m: f64,
     /// Inner faces of the walls as corners x and y, in either direction, m; the vehicle keeps away

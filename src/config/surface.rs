@@ -1,9 +1,10 @@
 //! The surface in the file.
 
-use super::convert::{rect, within};
+use super::convert::{invalid, rect, within};
 use super::error::ConfigError;
 use super::file::Config;
 use crate::mapping::budget::CalibrationSigmas;
+use crate::mapping::roughness::OCCLUSION_SHARE;
 use crate::mapping::{self, VolumeVariance, field_map, grid_map, kalman_grid, sparse_gp};
 use crate::units::rad_from_deg;
 use serde::{Deserialize, Serialize};
@@ -112,6 +113,9 @@ pub struct UncertaintySection {
     pub clock_offset_sigma_ms: f64,
     /// Place of each tag in the marker map, per axis, m.
     pub marker_sigma_m: f64,
+    /// Place of the marker map as a whole against the frame of bases and bays, per axis, m. 0 where the
+    /// markers are that frame: `hall.base_sigma_m` then says how well the floor is known below them.
+    pub marker_datum_sigma_m: f64,
 }
 
 impl Default for UncertaintySection {
@@ -123,6 +127,7 @@ impl Default for UncertaintySection {
             mount_rotation_sigma_deg: 0.2,
             clock_offset_sigma_ms: 2.0,
             marker_sigma_m: 0.005,
+            marker_datum_sigma_m: 0.0,
         }
     }
 }
@@ -229,53 +234,61 @@ impl Config {
         &self,
         kalman_grid: &kalman_grid::Settings,
     ) -> Result<field_map::Settings, ConfigError> {
-        let (field, u) = (&self.surface.field, &self.surface.uncertainty);
-        let sigma = |key, value, most, unit| within(key, value, (0.0, most), unit);
+        let field = &self.surface.field;
         Ok(field_map::Settings {
             range_m: within("surface.field.range_m", field.range_m, (0.2, 100.0), "m")?,
             sigma_m: within("surface.field.sigma_m", field.sigma_m, (0.01, 50.0), "m")?,
             nugget_m: within("surface.field.nugget_m", field.nugget_m, (1e-3, 2.0), "m")?,
             mean_level_m: (kalman_grid.prior_height_m, kalman_grid.prior_sigma_m),
             slope_sigma: kalman_grid.slope_sigma,
-            calibration: CalibrationSigmas {
-                range_bias_m: sigma(
-                    "surface.uncertainty.range_bias_sigma_m",
-                    u.range_bias_sigma_m,
-                    1.0,
-                    "m",
+            occlusion_share: OCCLUSION_SHARE.0,
+            calibration: self.calibration_sigmas()?,
+        })
+    }
+
+    fn calibration_sigmas(&self) -> Result<CalibrationSigmas, ConfigError> {
+        let u = &self.surface.uncertainty;
+        let sigma = |key, value, most, unit| within(key, value, (0.0, most), unit);
+        let datum_key = "surface.uncertainty.marker_datum_sigma_m";
+        if u.marker_datum_sigma_m > 0.0 && u.marker_sigma_m <= 0.0 {
+            let message = "needs a marker_sigma_m above 0: without one nothing follows what the markers \
+                           do to a pose";
+            return Err(invalid(datum_key, message));
+        }
+        Ok(CalibrationSigmas {
+            range_bias_m: sigma(
+                "surface.uncertainty.range_bias_sigma_m",
+                u.range_bias_sigma_m,
+                1.0,
+                "m",
+            )?,
+            range_scale: sigma(
+                "surface.uncertainty.range_scale_sigma",
+                u.range_scale_sigma,
+                0.1,
+                "",
+            )?,
+            mount_position_m: sigma(
+                "surface.uncertainty.mount_position_sigma_m",
+                u.mount_position_sigma_m,
+                1.0,
+                "m",
+            )?,
+            mount_rotation_rad: rad_from_deg(sigma(
+                "surface.uncertainty.mount_rotation_sigma_deg",
+                u.mount_rotation_sigma_deg,
+                20.0,
+                "deg",
+            )?),
+            clock_offset_s: 1e-3
+                * sigma(
+                    "surface.uncertainty.clock_offset_sigma_ms",
+                    u.clock_offset_sigma_ms,
+                    1000.0,
+                    "ms",
                 )?,
-                range_scale: sigma(
-                    "surface.uncertainty.range_scale_sigma",
-                    u.range_scale_sigma,
-                    0.1,
-                    "",
-                )?,
-                mount_position_m: sigma(
-                    "surface.uncertainty.mount_position_sigma_m",
-                    u.mount_position_sigma_m,
-                    1.0,
-                    "m",
-                )?,
-                mount_rotation_rad: rad_from_deg(sigma(
-                    "surface.uncertainty.mount_rotation_sigma_deg",
-                    u.mount_rotation_sigma_deg,
-                    20.0,
-                    "deg",
-                )?),
-                clock_offset_s: 1e-3
-                    * sigma(
-                        "surface.uncertainty.clock_offset_sigma_ms",
-                        u.clock_offset_sigma_ms,
-                        1000.0,
-                        "ms",
-                    )?,
-                tag_place_m: sigma(
-                    "surface.uncertainty.marker_sigma_m",
-                    u.marker_sigma_m,
-                    1.0,
-                    "m",
-                )?,
-            },
+            tag_place_m: sigma("surface.uncertainty.marker_sigma_m", u.marker_sigma_m, 1.0, "m")?,
+            tag_datum_m: sigma(datum_key, u.marker_datum_sigma_m, 1.0, "m")?,
         })
     }
 
@@ -297,5 +310,28 @@ impl Config {
                 VarianceUpdateName::Kalman => kalman_grid::VarianceUpdate::Kalman,
             },
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    #[test]
+    fn a_marker_datum_reaches_the_budget_and_needs_places_that_may_be_off() {
+        const EXAMPLE: &str = include_str!("../../deploy/config.example.toml");
+        let of = |place_m: f64, datum_m: f64| {
+            let mut config = Config::from_toml(EXAMPLE, Path::new("hall.toml")).expect("valid");
+            config.surface.uncertainty.marker_sigma_m = place_m;
+            config.surface.uncertainty.marker_datum_sigma_m = datum_m;
+            config.calibration_sigmas().map(|sigmas| sigmas.tag_datum_m)
+        };
+        assert!(of(0.005, 0.0).expect("the default").abs() < 1e-15);
+        assert!((of(0.005, 0.002).expect("valid") - 0.002).abs() < 1e-15);
+        for (place_m, datum_m) in [(0.0, 0.002), (0.005, -0.001), (0.005, 1.5)] {
+            let error = of(place_m, datum_m).expect_err("refused").to_string();
+            assert!(error.contains("surface.uncertainty.marker_datum_sigma_m"), "{error}");
+        }
     }
 }

@@ -63,7 +63,7 @@ impl Examination<'_> {
             checks.extend(video_checks(&video_devices()));
         }
         match self.config {
-            Some(config) => checks.extend(self.configured(config).await),
+            Some(config) => checks.extend(Box::pin(self.configured(config)).await),
             None => {
                 let named = self.port.iter().cloned();
                 let found = ports.into_iter().filter(|port| port.is_permitted).map(|p| p.path);

@@ -51,6 +51,7 @@ fn log(folder: &Path, name: &str, started_utc: &str, volume_m3: f64) -> PathBuf 
         steps_done: 0,
         path_length_m: 0.0,
         is_complete: true,
+        is_final: true,
     };
     let mut recorder = Recorder::create(&path, &header).expect("a log").waiting();
     recorder.result(Stamp::ZERO, &Action::VolumesAccounted(accounts));

@@ -48,6 +48,7 @@ impl From<OriginName> for Origin {
 #[derive(Debug, Serialize)]
 struct ChangeLine {
     bays: Vec<BayChangeLine>,
+    is_hall_left_out: bool,
     shared: Vec<&'static str>,
     only_earlier: Vec<String>,
     only_later: Vec<String>,
@@ -114,6 +115,7 @@ fn print_change(report: &ChangeReport, as_json: bool) -> anyhow::Result<()> {
     if as_json {
         let line = ChangeLine {
             bays: report.bays.iter().map(BayChangeLine::from).collect(),
+            is_hall_left_out: report.is_hall_left_out,
             shared,
             only_earlier: report.only_earlier.clone(),
             only_later: report.only_later.clone(),
@@ -123,6 +125,9 @@ fn print_change(report: &ChangeReport, as_json: bool) -> anyhow::Result<()> {
     }
     for bay in &report.bays {
         println!("{bay}");
+    }
+    if report.is_hall_left_out {
+        println!("hall: not compared, the bays that it is the sum of have other outlines");
     }
     let shared = if shared.is_empty() { "none".to_owned() } else { shared.join(", ") };
     println!("errors that both surveys share: {shared}");

@@ -3,7 +3,7 @@
 use anyhow::Context;
 use clap::{Args, Subcommand};
 use serde::Serialize;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use stockpilot::survey::{Floor, FloorMemory, Learned, MergeOptions, survey_floor};
 
@@ -55,6 +55,10 @@ struct LearnedLine {
     new: usize,
     lower: usize,
     confirmed: usize,
+    level_m: Option<f64>,
+    height_file: PathBuf,
+    sigma_file: PathBuf,
+    shared_sigma_m: f64,
 }
 
 pub(crate) fn run(args: &SurveyArgs) -> anyhow::Result<ExitCode> {
@@ -68,16 +72,11 @@ fn run_floor(args: &FloorArgs) -> anyhow::Result<ExitCode> {
     let written = args.out.as_ref().map(|stem| floor.write(stem)).transpose()?;
     let learned = args.memory.as_ref().map(|_| remember(&floor, args)).transpose()?;
     let (height_file, sigma_file) = written.unzip();
-    let memory = learned.map(|Learned { n_new, n_lower, n_confirmed }| LearnedLine {
-        new: n_new,
-        lower: n_lower,
-        confirmed: n_confirmed,
-    });
-    print_floor(&line(&floor, height_file, sigma_file, memory), args)?;
+    print_floor(&line(&floor, height_file, sigma_file, learned), args)?;
     Ok(ExitCode::SUCCESS)
 }
 
-fn remember(floor: &Floor, args: &FloorArgs) -> anyhow::Result<Learned> {
+fn remember(floor: &Floor, args: &FloorArgs) -> anyhow::Result<LearnedLine> {
     let folder = args.memory.as_ref().context("no folder")?;
     let date = args
         .date
@@ -86,9 +85,18 @@ fn remember(floor: &Floor, args: &FloorArgs) -> anyhow::Result<Learned> {
         + u32::from(date.month().unsigned_abs()) * 100
         + u32::from(date.day().unsigned_abs());
     let mut memory = FloorMemory::read(folder, floor.grid)?;
-    let learned = memory.take(floor, number);
+    let Learned { n_new, n_lower, n_confirmed, level_m } = memory.take(floor, number);
     memory.write(folder)?;
-    Ok(learned)
+    let (height_file, sigma_file) = FloorMemory::base_files(folder);
+    Ok(LearnedLine {
+        new: n_new,
+        lower: n_lower,
+        confirmed: n_confirmed,
+        level_m,
+        height_file,
+        sigma_file,
+        shared_sigma_m: memory.level.map_or(0.0, |level| level.sigma_m),
+    })
 }
 
 #[expect(clippy::cast_precision_loss, reason = "counts of cells")]
@@ -130,12 +138,7 @@ fn print_floor(line: &FloorLine, args: &FloorArgs) -> anyhow::Result<()> {
         1e3 * line.shared_sigma_m
     );
     if let (Some(heights), Some(sigmas)) = (&line.height_file, &line.sigma_file) {
-        println!(
-            "base = {{ kind = \"survey\", height_file = {:?}, sigma_file = {:?}, sigma_m = {:.4} }}",
-            heights.display().to_string(),
-            sigmas.display().to_string(),
-            line.shared_sigma_m
-        );
+        println!("{}", base_line(heights, sigmas, line.shared_sigma_m));
     }
     if let (Some(memory), Some(folder)) = (&line.memory, &args.memory) {
         println!(
@@ -145,6 +148,19 @@ fn print_floor(line: &FloorLine, args: &FloorArgs) -> anyhow::Result<()> {
             memory.lower,
             memory.confirmed
         );
+        if let Some(level_m) = memory.level_m {
+            println!("the survey as a whole lay {:+.1} mm above it: taken out", 1e3 * level_m);
+        }
+        println!("{}", base_line(&memory.height_file, &memory.sigma_file, memory.shared_sigma_m));
     }
     Ok(())
+}
+
+/// What stands in the configuration for a surveyed base.
+fn base_line(heights: &Path, sigmas: &Path, shared_sigma_m: f64) -> String {
+    format!(
+        "base = {{ kind = \"survey\", height_file = {:?}, sigma_file = {:?}, sigma_m = {shared_sigma_m:.4} }}",
+        heights.display().to_string(),
+        sigmas.display().to_string(),
+    )
 }

@@ -12,13 +12,17 @@
 //! pose             Σ_k s_kᵀ P_k (2 r_k − s_k),   s_k = Σ_{i∈k} k_i ∂z_i/∂χ,   r_k = s_k + A_{k+1}ᵀ r_{k+1}
 //! constant c       (σ_c Σ_i k_i ∂z_i/∂c)²
 //! tag t            |σ_m Σ_k E_{k,t}ᵀ s_k|²,   E_{k,t} = ∂χ_k/∂m_t
+//! marker datum     |σ_0 Σ_t Σ_k E_{k,t}ᵀ s_k|²
 //! ```
 //! - `w`: area of each node that counts, m²; `a_i`: row of datum i
 //! - `P_k`, `A_k`: covariance and transition of the error state at turn k, 15×15
 //!
 //! The errors of the pose at two turns j > k share `A_j … A_{k+1} P_k`; the sum over all pairs,
 //! taken backwards, needs one vector `r`.
+//! The datum is an error that all tags of the map share, as when the whole map lies 2 mm too low in the
+//! frame that bases and bays are given in; a turn of the map as a whole is not among the sources.
 //! Checked: `constant_sources_match_the_map_solved_again`, `white_sources_match_the_scatter_of_noisy_flights`,
+//! `a_marker_map_that_is_off_as_a_whole_moves_the_volume_as_its_row_says`,
 //! `chained_pose_errors_match_the_joint_covariance`.
 
 use super::datum::{Datum, Linearization, Turn};
@@ -44,6 +48,8 @@ pub struct CalibrationSigmas {
     pub clock_offset_s: f64,
     /// Place of each tag in the marker map, per axis, m.
     pub tag_place_m: f64,
+    /// Place of the marker map as a whole, per axis, m; 0 if bases and bays are given by the markers.
+    pub tag_datum_m: f64,
 }
 
 /// Sums over the turns, for one volume.
@@ -193,8 +199,13 @@ impl Sums {
         };
         let lidars = self.lidars.iter().enumerate().flat_map(of_lidar);
         let ground = one(BudgetSource::Occlusion, 0, self.occlusion, OCCLUSION_SHARE.1);
-        let tags = self.tags.iter().flatten().enumerate().map(|(component, &dv_dc)| {
-            one(BudgetSource::MarkerMap, component, dv_dc, sigmas.tag_place_m)
+        // First, for flights see different numbers of tags; and not at all without a σ.
+        let whole_map: Vector3<f64> = self.tags.iter().sum();
+        let has_datum = sigmas.tag_datum_m > 0.0;
+        let datum = whole_map.iter().filter(|_| has_datum).map(|by| (*by, sigmas.tag_datum_m));
+        let tags = self.tags.iter().flatten().map(|by| (*by, sigmas.tag_place_m));
+        let tags = datum.chain(tags).enumerate().map(|(component, (dv_dc, sigma))| {
+            one(BudgetSource::MarkerMap, component, dv_dc, sigma)
         });
         lidars.chain([ground]).chain(tags).collect()
     }

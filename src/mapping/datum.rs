@@ -26,7 +26,7 @@
 use super::footprint::{Footprint, Patch};
 use super::matern_field::{Lattice, Row};
 use super::projection::LidarMount;
-use super::roughness::{OCCLUSION_SHARE, POINT_PER_PATCH, hidden_from_all_sides_m};
+use super::roughness::{POINT_PER_PATCH, hidden_from_all_sides_m};
 use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
 
 /// The newest surface: where slopes come from, and what outliers are judged against.
@@ -49,6 +49,8 @@ pub struct Linearization<'a> {
     pub scatter_m: f64,
     /// Standard deviation `σ_t` of the slope before anything is known.
     pub slope_sigma: f64,
+    /// Share of what may hide in hollows that is taken off.
+    pub occlusion_share: f64,
 }
 
 /// A turn of the scanner with what its patches share.
@@ -158,7 +160,7 @@ impl<'a> Turn<'a> {
         let datum = Datum {
             row,
             height_m: place.z + sunk_m(-by_range * range_m, by_angle, lidar.angle_sigma_rad)
-                - OCCLUSION_SHARE.0 * hidden_m,
+                - self.at.occlusion_share * hidden_m,
             hidden_m,
             sensor_var_m2: sensor_var_m2 / n_beams,
             slope_var_m2,

@@ -29,6 +29,7 @@ use super::hidden_ground::HiddenGround;
 use super::matern_field::{Lattice, Prior};
 use super::projection::LidarMount;
 use super::ray_ceiling::RayCeiling;
+use super::roughness::OCCLUSION_SHARE;
 use crate::time::{Mono, Stamp};
 use std::sync::Arc;
 
@@ -45,6 +46,8 @@ pub struct Settings {
     pub mean_level_m: (f64, f64),
     /// Standard deviation `σ_t` of the slope before anything is known.
     pub slope_sigma: f64,
+    /// Share of what may hide in hollows that is taken off, [`OCCLUSION_SHARE`] but for tests of its row.
+    pub occlusion_share: f64,
     /// Errors that last the whole flight.
     pub calibration: CalibrationSigmas,
 }
@@ -57,6 +60,7 @@ impl Default for Settings {
             nugget_m: 0.007,
             mean_level_m: (1.5, 1.5),
             slope_sigma: 0.6,
+            occlusion_share: OCCLUSION_SHARE.0,
             calibration: CalibrationSigmas::default(),
         }
     }

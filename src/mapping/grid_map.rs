@@ -105,16 +105,27 @@ impl GridMap {
         &self.grid
     }
 
-    /// The volumes of the cells as they are, their variances added: what is left when the surface
-    /// cannot be solved.
+    /// The volumes of the cells as they are: what is left when the surface cannot be solved.
+    ///
+    /// What neighbours have in common is not known without a solve. So their variances are added only where
+    /// that is asked for, as printed; else every cell counts as off by the same number of its σ, and no
+    /// cells can do worse together.
     #[must_use]
     pub fn cell_volumes(&self, at: Stamp<Mono>) -> Vec<VolumeAccount> {
         let seen = self.seen();
         let account = |bay: &BayOnGrid| {
             let areas_m2 = &bay.base.cell_areas_m2;
-            let var_m6 = std::iter::zip(areas_m2, self.grid.var_m2()).map(|(a, v)| a * a * v).sum();
+            let by_cell = std::iter::zip(areas_m2, self.grid.var_m2());
+            let law = self.settings.volume_variance;
+            let var_m6 = match law {
+                VolumeVariance::Printed => by_cell.map(|(area, var)| area * area * var).sum(),
+                VolumeVariance::Full => {
+                    by_cell.map(|(area, var)| area * var.sqrt()).sum::<f64>().powi(2)
+                }
+            };
+            let sum = (var_m6, law);
             let range_m = self.settings.gp.length_scale_m;
-            account(at, bay, self.grid.mean_m(), var_m6, &seen, range_m)
+            account(at, bay, self.grid.mean_m(), sum, &seen, range_m)
         };
         self.bays.iter().map(account).collect()
     }
@@ -155,23 +166,22 @@ impl GridMap {
     }
 }
 
-/// One volume of the grid: the paper knows one source, the cells' variances.
+/// One volume of the grid. The paper knows one source, the cells' variances; where they are not added as
+/// printed, the base under the material counts too.
 fn account(
     at: Stamp<Mono>,
     bay: &BayOnGrid,
     mean_m: &[f64],
-    var_m6: f64,
+    (var_m6, law): (f64, VolumeVariance),
     seen: &SeenCells,
     range_m: f64,
 ) -> VolumeAccount {
     let rows = vec![BudgetRow { source: BudgetSource::BeamNoise, var_m6 }];
-    bay.account(
-        at,
-        (bay.base.volume_m3(mean_m), mean_m),
-        VolumeBudget { rows, shared: Vec::new() },
-        seen,
-        range_m,
-    )
+    let mut budget = VolumeBudget { rows, shared: Vec::new() };
+    if law == VolumeVariance::Full && !bay.base.errors.is_empty() {
+        budget.push_shared(BudgetSource::Base, &bay.base.errors);
+    }
+    bay.account(at, (bay.base.volume_m3(mean_m), mean_m), budget, seen, range_m)
 }
 
 /// The work of turning cells into a surface and its volumes; a pure function of its fields.
@@ -192,6 +202,16 @@ impl SolveGrid {
     /// Variance of each cell, m².
     pub(super) fn cell_var_m2(&self) -> &[f64] {
         &self.cell_var_m2
+    }
+
+    /// Where the cells are.
+    pub(super) const fn geometry(&self) -> &GridGeometry {
+        &self.geometry
+    }
+
+    /// The same work for other volumes.
+    pub(super) fn over(&self, bays: Bays) -> Self {
+        Self { bays, ..self.clone() }
     }
 
     /// Cells, their heights, and which were hit.
@@ -225,8 +245,8 @@ impl SolveGrid {
                     std::iter::zip(areas_m2, &var_m2).map(|(area, var)| area * area * var).sum()
                 }
             };
-            let mean_m = posterior.mean_m();
-            account(self.at, bay, mean_m, var_m6, &self.seen, self.gp.length_scale_m)
+            let (mean_m, sum) = (posterior.mean_m(), (var_m6, self.volume_variance));
+            account(self.at, bay, mean_m, sum, &self.seen, self.gp.length_scale_m)
         };
         let coverage = self.seen.coverage(self.gp.length_scale_m);
         let areas_m2 = self.bays.first().map_or(&[][..], |whole| &whole.base.cell_areas_m2);

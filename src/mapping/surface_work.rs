@@ -1,10 +1,12 @@
 //! The solve of a surface as a piece of work that anybody can run: what goes in, what comes out.
 
+use super::bay::{BayOnGrid, WHOLE_REGION};
 use super::field_map::{NewestField, SolveField};
 use super::gaps::Gap;
 use super::grid_map::SolveGrid;
 use super::matern_field::FieldError;
 use super::sparse_gp::GpError;
+use super::volume::Base;
 use crate::messages::{CellCoverage, DisturbedArea, GridGeometry, HeightMap, VolumeAccount};
 use std::sync::Arc;
 
@@ -71,6 +73,26 @@ impl SolveSurface {
         let known_m = std::iter::zip(&height_m, &is_known).filter(|(_, is_known)| **is_known);
         let highest_m = known_m.map(|(h, _)| *h).fold(f64::NEG_INFINITY, f64::max);
         Some(KnownHeights { grid, height_m, is_known, highest_m })
+    }
+
+    /// The same work for one volume instead of those of the bays: what lies over the hall's zero on these
+    /// areas of the cells, m², taken at the cells' centres. Its account knows of no base.
+    #[must_use]
+    pub fn over_cells(&self, cell_areas_m2: &[f64]) -> Self {
+        let bays = |grid: &GridGeometry| {
+            let counting = cell_areas_m2.iter().enumerate().filter(|(_, area)| **area > 0.0);
+            Arc::new(vec![BayOnGrid {
+                name: WHOLE_REGION.to_owned(),
+                base: Base::level(0.0, cell_areas_m2.to_vec()),
+                areas: counting.map(|(cell, area)| (grid.centre_m(cell), *area)).collect(),
+                is_over_survey: true,
+                density: None,
+            }])
+        };
+        match self {
+            Self::KalmanGrid(work) => Self::KalmanGrid(Box::new(work.over(bays(work.geometry())))),
+            Self::MaternField(work) => Self::MaternField(Box::new(work.over(bays(work.grid())))),
+        }
     }
 
     /// Solves.

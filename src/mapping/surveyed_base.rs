@@ -17,6 +17,25 @@ pub struct SurveyedBase {
     sigma_m: f64,
 }
 
+/// Standard deviation of an error common to all cells, m, with which the volume over a whole base has the
+/// variance `var_m6`, m⁶:
+///
+/// ```text
+/// σ² = (σ_V² − Σ (w_c σ_c)²) / (Σ w_c)²
+/// ```
+/// - `w_c`: area of cell c that counts, m²; `σ_c`: its own standard deviation, m
+///
+/// The errors of neighbouring cells are alike, so their independent sum is too small; what it leaves of
+/// the survey's own variance is laid on all cells together. 0 where it leaves nothing.
+/// Checked: `the_volume_of_a_base_has_the_variance_of_its_survey`.
+#[must_use]
+pub fn common_sigma_m(var_m6: f64, cell_areas_m2: &[f64], cell_sigma_m: &[f64]) -> f64 {
+    let area_m2: f64 = cell_areas_m2.iter().sum();
+    let counting = std::iter::zip(cell_areas_m2, cell_sigma_m).filter(|(area, _)| **area > 0.0);
+    let own_m6: f64 = counting.map(|(area, sigma)| (area * sigma).powi(2)).sum();
+    if area_m2 > 0.0 { (var_m6 - own_m6).max(0.0).sqrt() / area_m2 } else { 0.0 }
+}
+
 /// Why numbers make no base.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum SurveyedBaseError {
@@ -102,7 +121,8 @@ impl SurveyedBase {
         self.nodes(x_m, y_m).map(|(cell, w)| (w * self.cell_sigma_m[cell]).powi(2)).sum()
     }
 
-    /// Standard deviation of the volume by the cells' own errors, m³.
+    /// Standard deviation of the volume by the cells' own errors, as if they were independent, m³;
+    /// [`common_sigma_m`] makes up for it.
     pub(super) fn cells_sigma_m3(&self, areas: &[(Place, f64)]) -> f64 {
         let mut area_of_node = vec![0.0; self.grid.n_cells()];
         for ((x_m, y_m), area) in areas {
@@ -195,6 +215,42 @@ mod tests {
             (base.own_var_m2(x + 0.25, y) - (0.017_f64.powi(2) + 0.018_f64.powi(2)) / 4.0).abs()
                 < 1e-12
         );
+    }
+
+    #[test]
+    fn the_volume_of_a_base_has_the_variance_of_its_survey() {
+        // A field whose errors fall off with the distance: cov(i, j) = σ_i σ_j e^(−|i − j|/0.6 m), and a lift.
+        let (n, lift_m) = (GRID.n_cells(), 0.004);
+        let sigmas: Vec<f64> = (0_u8..20).map(|i| 0.01 + 0.001 * f64::from(i)).collect();
+        let areas: Vec<f64> = (0_u8..20).map(|i| 0.25 - 0.005 * f64::from(i % 3)).collect();
+        let cov = nalgebra::DMatrix::from_fn(n, n, |i, j| {
+            let (a, b) = (GRID.centre_m(i), GRID.centre_m(j));
+            let distance_m = (a.0 - b.0).hypot(a.1 - b.1);
+            sigmas[i] * sigmas[j] * (-distance_m / 0.6).exp() + lift_m * lift_m
+        });
+        let weights = nalgebra::DVector::from_vec(areas.clone());
+        let var_m6 = weights.dot(&(&cov * &weights));
+        let own: Vec<f64> = (0..n).map(|i| cov[(i, i)].sqrt()).collect();
+        let common_m = common_sigma_m(var_m6, &areas, &own);
+        let base = SurveyedBase::new(GRID, vec![0.0; n], own.clone(), common_m).expect("a base");
+        let places: Vec<(Place, f64)> = (0..n).map(|i| (GRID.centre_m(i), areas[i])).collect();
+        let errors = crate::mapping::base::BaseSurface::Survey(base).errors(&places);
+        let claimed_m6: f64 = errors.iter().map(|(by, sigma)| (by * sigma).powi(2)).sum();
+        assert!((claimed_m6 / var_m6 - 1.0).abs() < 1e-12, "{claimed_m6} {var_m6}");
+        // And by draws of that field; the independent sum alone falls short of half of it.
+        let root = cov.cholesky().expect("positive").l();
+        let mut noise = crate::stats::SeedBook::new(8).stream("base");
+        let n_draws = 20_000_u32;
+        let squares_m6: f64 = (0..n_draws)
+            .map(|_| &root * nalgebra::DVector::from_fn(n, |_, _| noise.normal()))
+            .map(|heights_m| weights.dot(&heights_m).powi(2))
+            .sum();
+        let drawn_m6 = squares_m6 / f64::from(n_draws);
+        // The standard error of a variance is √(2/n) = 1 %; 4 of them.
+        assert!((drawn_m6 / claimed_m6 - 1.0).abs() < 0.04, "{drawn_m6} {claimed_m6}");
+        let own_m6: f64 = std::iter::zip(&areas, &own).map(|(a, s)| (a * s).powi(2)).sum();
+        assert!(own_m6 < 0.5 * drawn_m6, "{own_m6} {drawn_m6}");
+        assert!(common_sigma_m(0.5 * own_m6, &areas, &own).abs() < 1e-15, "nothing is left");
     }
 
     #[test]

@@ -23,7 +23,7 @@ pub enum BudgetSource {
     RangeScale,
     /// A constant offset between the clocks of LiDAR and pose.
     ClockOffset,
-    /// The surveyed places of the markers, and with them the hall's datum.
+    /// The surveyed places of the markers, and that of their map as a whole where its σ is given.
     MarkerMap,
     /// The base under the material.
     Base,

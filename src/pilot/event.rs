@@ -151,4 +151,7 @@ pub struct FlightSummary {
     pub path_length_m: f64,
     /// The survey ran to its end; false if it was cut short.
     pub is_complete: bool,
+    /// The volume is that of the solve after landing. False if that failed: then it is an earlier one, or a
+    /// bare sum over the cells, and its σ says nothing.
+    pub is_final: bool,
 }

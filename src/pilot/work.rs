@@ -130,11 +130,12 @@ impl Pilot {
         } else if self.jobs.solve == Some(id) {
             self.jobs.solve = None;
             say(actions, Severity::Error, "the surface could not be solved".to_owned());
-            self.end_if_final(actions);
+            self.end_if_final(false, actions);
         }
     }
 
     fn on_solved(&mut self, solved: Result<SolvedSurface, SolveError>, actions: &mut Vec<Action>) {
+        let is_solved = solved.is_ok();
         match solved {
             Ok(solved) => {
                 self.mapper.absorb(&solved);
@@ -147,7 +148,7 @@ impl Pilot {
             }
             Err(error) => say(actions, Severity::Error, format!("no surface: {error}")),
         }
-        self.end_if_final(actions);
+        self.end_if_final(is_solved, actions);
     }
 
     /// After landing: which gaps another flight could close.
@@ -190,8 +191,8 @@ impl Pilot {
         }
     }
 
-    /// After the last solve of a flight: the final report.
-    fn end_if_final(&mut self, actions: &mut Vec<Action>) {
+    /// After the last solve of a flight: the final report, or word that there is none.
+    fn end_if_final(&mut self, is_solved: bool, actions: &mut Vec<Action>) {
         if !self.jobs.is_final_solve {
             return;
         }
@@ -199,7 +200,13 @@ impl Pilot {
             if self.accounts.is_empty() {
                 self.accounts = self.mapper.cell_volumes(self.now);
             }
-            self.report(true, actions);
+            if is_solved {
+                self.report(true, actions);
+            } else {
+                let text =
+                    "no final volume: `stockpilot merge` with the log tries again".to_owned();
+                say(actions, Severity::Error, text);
+            }
             actions.push(Action::Ended(Box::new(FlightSummary {
                 at: self.now,
                 volume: self.accounts[0].estimate,
@@ -208,6 +215,7 @@ impl Pilot {
                 steps_done: ending.steps_done,
                 path_length_m: ending.path_length_m,
                 is_complete: ending.is_complete,
+                is_final: is_solved,
             })));
         }
     }

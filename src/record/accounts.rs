@@ -19,7 +19,7 @@ pub struct LoggedAccounts {
     pub accounts: Vec<VolumeAccount>,
     /// The newest surface.
     pub surface: Option<HeightMap>,
-    /// They are the result after a landing, not of a flight under way.
+    /// They are the result after a landing, not of a flight under way, nor of one whose last solve failed.
     pub is_final: bool,
     /// The log has its proper end and no gap.
     pub is_complete: bool,
@@ -44,7 +44,9 @@ pub fn read_accounts(log: &Path) -> Result<LoggedAccounts, ReplayError> {
                 is_final = false;
             }
             LogItem::Result { topic: Topic::Surface, json, .. } => surface = Some(json),
-            LogItem::Result { topic: Topic::Ended, .. } => is_final = newest.is_some(),
+            LogItem::Result { topic: Topic::Ended, json, .. } => {
+                is_final = newest.is_some() && serde_json::from_slice::<Ended>(&json)?.is_final;
+            }
             _ => {}
         }
     }
@@ -54,6 +56,18 @@ pub fn read_accounts(log: &Path) -> Result<LoggedAccounts, ReplayError> {
     let surface = surface.map(|json| read_surface(&json)).transpose()?;
     let is_complete = reader.is_complete();
     Ok(LoggedAccounts { config_toml, accounts, surface, is_final, is_complete })
+}
+
+/// Of the end of a flight, whether its last solve has told these volumes; logs from before it was noted say
+/// nothing, and count as if it had.
+#[derive(Deserialize)]
+struct Ended {
+    #[serde(default = "yes")]
+    is_final: bool,
+}
+
+const fn yes() -> bool {
+    true
 }
 
 #[derive(Deserialize)]

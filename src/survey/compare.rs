@@ -4,17 +4,23 @@
 //!
 //! | errors | shared if |
 //! | --- | --- |
-//! | LiDAR: mounting, range bias and scale | model, mounting and their σ are equal |
+//! | LiDAR: mounting, range bias and scale | model, mounting, the calibrated bias and scale, and their σ are equal |
 //! | marker map | all tags, points and their σ are equal |
 //! | base | the bases of the hall and of all bays are equal |
 //! | clock | never: it is compared anew after each start |
 //!
 //! All else is independent. The volume under ground that neither survey saw counts as changed
 //! independently, which is too careful where nothing moved.
+//!
+//! Both must measure the same ground on the same cells, and leave out the same: exclusions, their
+//! margin and the obstacles that stand on the floor. The hall's own volume is the sum of its bays,
+//! so it is compared only where both surveys have bays of the same outlines.
 
 use crate::config::{BaySection, Config, ConfigError};
+use crate::mapping::bay::WHOLE_REGION;
 use crate::mapping::change::{Change, ChangeError, ChangeVerdict, SurveyVolume, change};
 use crate::mapping::density::Density;
+use crate::mapping::region::Region;
 use crate::mapping::statement::Statement;
 use crate::messages::{BudgetSource, HeightMap, Mass, VolumeAccount, VolumeEstimate};
 use crate::record::read_accounts;
@@ -141,8 +147,10 @@ pub struct BayChange {
 /// The change between two surveys.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ChangeReport {
-    /// The whole hall first, then the bays that both surveys have.
+    /// The whole hall first, unless it is left out, then the bays that both surveys have.
     pub bays: Vec<BayChange>,
+    /// The whole hall is not compared: it is the sum of its bays, and their outlines are not the same.
+    pub is_hall_left_out: bool,
     /// Origins of errors that both surveys share.
     pub shared: Vec<Origin>,
     /// Bays of the earlier survey only.
@@ -173,12 +181,15 @@ impl Survey {
 
     /// The densities of the bays, by name.
     fn densities(&self) -> BTreeMap<&str, Density> {
-        let of = |bay: &BaySection| {
-            let mean_t_per_m3 = bay.density_t_per_m3?;
-            let sigma_t_per_m3 = bay.density_sigma_t_per_m3.unwrap_or(0.0);
-            Some(Density { mean_t_per_m3, sigma_t_per_m3 })
+        let of = |mean: Option<f64>, sigma: Option<f64>| {
+            Some(Density { mean_t_per_m3: mean?, sigma_t_per_m3: sigma.unwrap_or(0.0) })
         };
-        self.config.bays.iter().filter_map(|bay| Some((bay.name.as_str(), of(bay)?))).collect()
+        let hall = &self.config.hall;
+        let of_hall = of(hall.density_t_per_m3, hall.density_sigma_t_per_m3);
+        let of_bay = |bay: &'_ BaySection| of(bay.density_t_per_m3, bay.density_sigma_t_per_m3);
+        let bays = self.config.bays.iter().map(|bay| (bay.name.as_str(), of_bay(bay)));
+        let all = bays.chain([(WHOLE_REGION, of_hall)]);
+        all.filter_map(|(name, density)| Some((name, density?))).collect()
     }
 }
 
@@ -193,7 +204,7 @@ pub fn compare(
     risk: f64,
     independent: &[Origin],
 ) -> Result<ChangeReport, SurveyError> {
-    check(&earlier.config, &later.config)?;
+    let is_hall_left_out = !has_equal_ground(&earlier.config, &later.config)?;
     let shared: Vec<Origin> = Origin::ALL
         .into_iter()
         .filter(|origin| is_same(*origin, &earlier.config, &later.config))
@@ -205,6 +216,9 @@ pub fn compare(
     let in_later = |name: &str| later.accounts.iter().find(|account| account.name == name);
     for before in &earlier.accounts {
         let Some(after) = in_later(&before.name) else { continue };
+        if is_hall_left_out && before.name == WHOLE_REGION {
+            continue;
+        }
         let of = |account: &VolumeAccount| account.estimate.volume_m3;
         let change = change(
             SurveyVolume { volume_m3: of(before), budget: &before.budget },
@@ -228,20 +242,29 @@ pub fn compare(
     };
     Ok(ChangeReport {
         bays,
+        is_hall_left_out,
         shared,
         only_earlier: only(earlier, later),
         only_later: only(later, earlier),
     })
 }
 
-/// Checks that both surveys measure the same ground.
-fn check(a: &Config, b: &Config) -> Result<(), SurveyError> {
+/// Checks that what both surveys have can be compared; true if the bays of both together are the same
+/// ground.
+fn has_equal_ground(a: &Config, b: &Config) -> Result<bool, SurveyError> {
     let differs = |what: &str| Err(SurveyError::Different { what: what.to_owned() });
     if a.hall.region != b.hall.region {
         return differs("hall.region");
     }
-    if a.hall.exclusions != b.hall.exclusions || a.exclusions != b.exclusions {
-        return differs("the set of exclusions");
+    if a.surface.cell_m.to_bits() != b.surface.cell_m.to_bits() {
+        return differs("surface.cell_m");
+    }
+    let (of_a, of_b) = (a.measured_region()?, b.measured_region()?);
+    if of_a.exclusion_margin_m.to_bits() != of_b.exclusion_margin_m.to_bits() {
+        return differs("hall.exclusion_margin_m");
+    }
+    if !is_same_set(&of_a.exclusions, &of_b.exclusions) {
+        return differs("the set of exclusions and of obstacles that stand on the floor");
     }
     for bay in &a.bays {
         let same_name = b.bays.iter().find(|other| other.name == bay.name);
@@ -249,13 +272,17 @@ fn check(a: &Config, b: &Config) -> Result<(), SurveyError> {
             return differs(&format!("the outline of bay {:?}", bay.name));
         }
     }
-    let names = |config: &Config| -> Vec<String> {
-        config.bays.iter().map(|bay| bay.name.clone()).collect()
-    };
-    if names(a).is_empty() != names(b).is_empty() {
+    if a.bays.is_empty() != b.bays.is_empty() {
         return differs("the ground that counts (one has bays, the other none)");
     }
-    Ok(())
+    let outlines =
+        |region: &Region| -> Vec<_> { region.bays.iter().map(|bay| bay.outline.clone()).collect() };
+    Ok(is_same_set(&outlines(&of_a), &outlines(&of_b)))
+}
+
+/// True if each of these is among those and the other way round.
+fn is_same_set<T: PartialEq>(these: &[T], those: &[T]) -> bool {
+    these.iter().all(|item| those.contains(item)) && those.iter().all(|item| these.contains(item))
 }
 
 /// True if the configurations say that both surveys have the same errors of this origin.
@@ -267,13 +294,19 @@ fn is_same(origin: Origin, a: &Config, b: &Config) -> bool {
         Origin::Lidar => {
             a.lidar.model == b.lidar.model
                 && a.lidar.mount == b.lidar.mount
+                // What is taken off the ranges: a new calibration has a new error.
+                && same(a.lidar.range_bias_m, b.lidar.range_bias_m)
+                && same(a.lidar.range_scale, b.lidar.range_scale)
                 && same(u.range_bias_sigma_m, v.range_bias_sigma_m)
                 && same(u.range_scale_sigma, v.range_scale_sigma)
                 && same(u.mount_position_sigma_m, v.mount_position_sigma_m)
                 && same(u.mount_rotation_sigma_deg, v.mount_rotation_sigma_deg)
         }
         Origin::Markers => {
-            a.tags == b.tags && a.points == b.points && same(u.marker_sigma_m, v.marker_sigma_m)
+            a.tags == b.tags
+                && a.points == b.points
+                && same(u.marker_sigma_m, v.marker_sigma_m)
+                && same(u.marker_datum_sigma_m, v.marker_datum_sigma_m)
         }
         Origin::Base => {
             let of_hall = |c: &Config| (c.hall.base.clone(), c.hall.base_height_m.to_bits());

@@ -274,6 +274,7 @@ impl MergedSurvey {
                 steps_done: 0,
                 path_length_m: 0.0,
                 is_complete: self.logs.iter().all(|log| log.is_complete),
+                is_final: true,
             };
             recorder.result(at, &Action::Ended(Box::new(summary)));
         }

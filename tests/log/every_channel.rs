@@ -209,6 +209,7 @@ fn actions() -> Vec<Action> {
         steps_done: 4,
         path_length_m: 31.5,
         is_complete: true,
+        is_final: true,
     };
     let plan = PlanChoice {
         at: AT,

@@ -140,6 +140,28 @@ fn bases_and_densities_that_are_none_are_refused() {
 }
 
 #[test]
+fn a_hall_without_bays_has_tonnes_of_its_own() {
+    let heap = "density_t_per_m3 = 1.6\ndensity_sigma_t_per_m3 = 0.05\n[link]";
+    let text = EXAMPLE.replacen("[link]", heap, 1);
+    let bay = "[[bays]]\nname = \"A\"\npolygon_m = [[0, 0], [9, 0], [9, 9]]\n";
+    let config = Config::from_toml(&text, Path::new("hall.toml")).expect("valid");
+    let region = config.measured_region().expect("a region");
+    let mass = region.bays[0].density.expect("the hall's").mass(100.0, 0.0);
+    // 100 m³ · 1.6 t/m³, and 100 · 0.05
+    assert!((mass.mass_t - 160.0).abs() < 1e-9 && (mass.sigma_t - 5.0).abs() < 1e-9, "{mass:?}");
+    let measured = region.whole_and_bays_on(&region.grid(0.25), &BaseSurface::level(0.0));
+    assert_eq!((measured.len(), measured[0].density), (1, region.bays[0].density));
+    let refused = |text: &str| {
+        let config = Config::from_toml(text, Path::new("hall.toml")).expect("parses");
+        config.measured_region().unwrap_err().to_string()
+    };
+    let error = refused(&format!("{text}\n{bay}"));
+    assert!(error.contains("hall.density_t_per_m3") && error.contains("without bays"), "{error}");
+    let error = refused(&text.replacen("\ndensity_t_per_m3 = 1.6\n", "\n", 1));
+    assert!(error.contains("hall.density_sigma_t_per_m3"), "{error}");
+}
+
+#[test]
 fn the_hall_may_have_any_base() {
     let plane = "base = { kind = \"plane\", pivot_m = [0, 0], height_m = 0.1, slope = [0.01, 0] }";
     let text = EXAMPLE.replace("base_height_m = 0.0", plane);

@@ -26,6 +26,7 @@ const SIGMAS: CalibrationSigmas = CalibrationSigmas {
     mount_rotation_rad: 0.003,
     clock_offset_s: 0.002,
     tag_place_m: 0.005,
+    tag_datum_m: 0.0,
 };
 const N_TURNS: usize = 12;
 const N_TAGS: usize = 2;
@@ -39,10 +40,14 @@ fn mount() -> Transform<Body, Lidar> {
 }
 
 fn map() -> FieldMap {
+    map_with(field_map::Settings { range_m: 3.0, calibration: SIGMAS, ..Default::default() })
+}
+
+fn map_with(settings: field_map::Settings) -> FieldMap {
     let lattice = Lattice::covering(&grid(), 1.0, |_, _| false);
     let areas = vec![grid().cell_area_m2(); grid().n_cells()];
     FieldMap::new(Arc::new(Setup {
-        settings: field_map::Settings { range_m: 3.0, calibration: SIGMAS, ..Default::default() },
+        settings,
         lattice: Arc::new(lattice),
         lidars: vec![LidarMount {
             body_from_lidar: mount(),
@@ -80,6 +85,8 @@ struct Wrong {
     /// Error of the pose of one turn.
     pose: Option<(usize, Vector6<f64>)>,
     tag: Option<(usize, Vector3<f64>)>,
+    /// Error of the places of all tags.
+    all_tags: Vector3<f64>,
 }
 
 fn tag_sensitivity(turn: usize, tag_idx: usize) -> Matrix6x3<f64> {
@@ -106,6 +113,7 @@ fn footprint(turn: usize, wrong: &Wrong) -> Footprint {
     if let Some((tag, by)) = wrong.tag {
         error += tag_sensitivity(turn, tag) * by;
     }
+    (0..N_TAGS).for_each(|tag| error += tag_sensitivity(turn, tag) * wrong.all_tags);
     let v = Vector6::new(
         velocity_mps.x,
         velocity_mps.y,
@@ -194,7 +202,10 @@ fn transition(turn: usize) -> SMatrix<f64, SIZE, SIZE> {
 }
 
 fn solved(footprints: Vec<Footprint>) -> VolumeAccount {
-    let mut map = map();
+    solved_in(map(), footprints)
+}
+
+fn solved_in(mut map: FieldMap, footprints: Vec<Footprint>) -> VolumeAccount {
     for footprint in footprints {
         map.push(footprint);
     }
@@ -273,45 +284,139 @@ fn chained_pose_errors_match_the_joint_covariance() {
 }
 
 #[test]
-fn white_sources_match_the_scatter_of_noisy_flights() {
-    let account = solved(footprints(&Wrong::default()));
-    let claimed = [BudgetSource::BeamNoise, BudgetSource::Roughness]
-        .map(|source| account.budget.var_of_m6(source))
-        .iter()
-        .sum::<f64>();
-    let n_flights = 150_u32;
-    let mut noise = SeedBook::new(7).stream("beams");
-    let quiet = footprints(&Wrong::default());
-    let n_nodes = map().lattice().n_nodes();
-    let mut squares_m6 = 0.0;
-    for _ in 0..n_flights {
-        let rough: Vec<f64> = (0..n_nodes).map(|_| noise.normal()).collect();
-        let noisy = quiet.iter().cloned().map(|turn| shaken(turn, &rough, &mut noise)).collect();
-        squares_m6 += (solved(noisy).estimate.volume_m3 - account.estimate.volume_m3).powi(2);
+fn a_marker_map_that_is_off_as_a_whole_moves_the_volume_as_its_row_says() {
+    let with_datum = |tag_datum_m| {
+        let calibration = CalibrationSigmas { tag_datum_m, ..SIGMAS };
+        let settings = field_map::Settings { range_m: 3.0, calibration, ..Default::default() };
+        solved_in(map_with(settings), footprints(&Wrong::default()))
+    };
+    let (known, unsure) = (with_datum(0.0), with_datum(0.002));
+    let markers = |account: &VolumeAccount| {
+        let of = |s: &&SharedSensitivity| s.source == BudgetSource::MarkerMap;
+        account.budget.shared.iter().filter(of).copied().collect::<Vec<_>>()
+    };
+    // The axes of the whole come first, then the tags one by one as ever.
+    let (tags, all) = (markers(&known), markers(&unsure));
+    assert_eq!((tags.len(), all.len()), (3 * N_TAGS, 3 + 3 * N_TAGS));
+    for (tag, moved) in std::iter::zip(&tags, &all[3..]) {
+        assert_eq!((tag.dv_dc, tag.sigma), (moved.dv_dc, moved.sigma));
+        assert_eq!(tag.component + 3, moved.component);
     }
-    let ratio = squares_m6 / f64::from(n_flights) / claimed;
-    // χ² with 150 degrees of freedom: ±3σ is ±35 %.
-    assert!((0.65..1.35).contains(&ratio), "scatter over claim: {ratio}");
+    let mut var_m6 = 0.0;
+    for (axis, claimed) in all[..3].iter().enumerate() {
+        let wrong = |s| Wrong { all_tags: Vector3::ith(axis, s), ..Wrong::default() };
+        let by = volume_by(wrong, 1e-2);
+        // As in the test above: 2 % of the answer to a shift along z, which is the area.
+        assert!((by - claimed.dv_dc).abs() < 0.02 * 14.0 * 0.3, "axis {axis}: {by} {claimed:?}");
+        var_m6 += (by * 0.002).powi(2);
+    }
+    let more_m6 = unsure.budget.var_of_m6(BudgetSource::MarkerMap)
+        - known.budget.var_of_m6(BudgetSource::MarkerMap);
+    assert!((more_m6 / var_m6 - 1.0).abs() < 0.1, "{more_m6} against {var_m6}");
 }
 
-/// Every hit moved along the vertical by a draw of its own variance and by its square's roughness,
-/// of which one draw is given per square.
-fn shaken(mut turn: Footprint, rough: &[f64], noise: &mut Noise) -> Footprint {
+#[test]
+fn hidden_hollows_move_the_volume_as_their_row_says() {
+    let rough = over_rough_ground(0.05);
+    let volume_at = |occlusion_share| {
+        let settings = field_map::Settings {
+            range_m: 3.0,
+            calibration: SIGMAS,
+            occlusion_share,
+            ..Default::default()
+        };
+        solved_in(map_with(settings), rough.clone())
+    };
+    let (share, sigma) = OCCLUSION_SHARE;
+    let claimed_m3 = volume_at(share).budget.var_of_m6(BudgetSource::Occlusion).sqrt();
+    let [less, more] = [-sigma, sigma].map(|by| volume_at(share + by).estimate.volume_m3);
+    let found_m3 = (less - more) / 2.0;
+    assert!(found_m3 > 0.005, "the ground is not rough enough to tell: {found_m3}");
+    // The roughness that the data show moves a little with the surface.
+    assert!((claimed_m3 / found_m3 - 1.0).abs() < 0.05, "{claimed_m3} against {found_m3}");
+}
+
+/// The flight over ground whose patches scatter by so much about each other, m: rough below the cells.
+fn over_rough_ground(roughness_m: f64) -> Vec<Footprint> {
+    let mut noise = SeedBook::new(9).stream("ground");
+    let mut turns = footprints(&Wrong::default());
+    for patch in turns.iter_mut().flat_map(|turn| &mut turn.patches) {
+        patch.place_m[2] += (roughness_m * noise.normal()) as f32;
+    }
+    turns
+}
+
+/// What is drawn of the data's errors.
+#[derive(Debug, Clone, Copy)]
+enum Shaken {
+    /// Noise of ranges and angles, beam by beam.
+    ByBeams,
+    /// What the nodes cannot show: slopes patch by patch, heights square by square.
+    ByGround,
+}
+
+#[test]
+fn white_sources_match_the_scatter_of_noisy_flights() {
+    let before = over_rough_ground(0.03);
+    let (account, roughness_m) = {
+        let mut map = map();
+        before.iter().for_each(|turn| map.push(turn.clone()));
+        let mut solved = map.snapshot(Stamp::ZERO, true).run().expect("solved");
+        let newest = solved.newest.expect("a field");
+        (solved.accounts.remove(0), newest.scatter_m.expect("enough is seen"))
+    };
+    // What is found is less the beams' own 2 cm.
+    assert!((0.015..0.035).contains(&roughness_m), "{roughness_m}");
+    let n_flights = 150_u32;
+    let n_nodes = map().lattice().n_nodes();
+    for (source, by, seed) in [
+        (BudgetSource::BeamNoise, Shaken::ByBeams, 7),
+        (BudgetSource::Roughness, Shaken::ByGround, 8),
+    ] {
+        let claimed = account.budget.var_of_m6(source);
+        let mut noise = SeedBook::new(seed).stream("beams");
+        let mut squares_m6 = 0.0;
+        for _ in 0..n_flights {
+            let rough: Vec<f64> = (0..n_nodes).map(|_| noise.normal()).collect();
+            let turns = before.iter().cloned();
+            let noisy = turns.map(|turn| shaken(turn, by, (roughness_m, &rough), &mut noise));
+            let noisy = noisy.collect();
+            squares_m6 += (solved(noisy).estimate.volume_m3 - account.estimate.volume_m3).powi(2);
+        }
+        let ratio = squares_m6 / f64::from(n_flights) / claimed;
+        // χ² with 150 degrees of freedom: ±3σ is ±35 %.
+        assert!((0.65..1.35).contains(&ratio), "{source:?}, scatter over claim: {ratio}");
+    }
+}
+
+/// Every hit moved along the vertical by a draw of its own variance, or by its square's roughness, of
+/// which σ and one draw per square are given.
+fn shaken(
+    mut turn: Footprint,
+    by: Shaken,
+    (roughness_m, rough): (f64, &[f64]),
+    noise: &mut Noise,
+) -> Footprint {
     let map = map();
     let heights: Vec<f64> = (0..map.lattice().n_nodes())
         .map(|node| map.lattice().place_m(node))
         .map(|(x, y)| height_m(x, y))
         .collect();
-    let at = map.linearization(&heights);
+    let at = Linearization { roughness_m, ..map.linearization(&heights) };
     let data: Vec<_> = {
         let shared = Turn::new(&turn, at).expect("a known LiDAR");
         turn.patches.iter().map(|patch| shared.datum(patch)).collect()
     };
     for (patch, datum) in turn.patches.iter_mut().zip(data) {
         let Some(datum) = datum else { continue };
-        let own_sigma_m = (datum.sensor_var_m2 + datum.slope_var_m2).sqrt();
-        let rough_m = datum.roughness_var_m2.sqrt() * rough[datum.row.nodes[0] as usize];
-        patch.place_m[2] += (own_sigma_m * noise.normal() + rough_m) as f32;
+        let moved_m = match by {
+            Shaken::ByBeams => datum.sensor_var_m2.sqrt() * noise.normal(),
+            Shaken::ByGround => {
+                datum.slope_var_m2.sqrt() * noise.normal()
+                    + datum.roughness_var_m2.sqrt() * rough[datum.row.nodes[0] as usize]
+            }
+        };
+        patch.place_m[2] += moved_m as f32;
     }
     turn
 }

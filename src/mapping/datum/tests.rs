@@ -64,6 +64,7 @@ impl Scene {
             roughness_m: 0.0,
             scatter_m: 0.0,
             slope_sigma: 0.6,
+            occlusion_share: 0.3,
         }
     }
 

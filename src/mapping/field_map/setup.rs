@@ -108,6 +108,7 @@ impl Setup {
                 .unwrap_or(self.settings.nugget_m),
             scatter_m: newest.and_then(|newest| newest.scatter_m).unwrap_or(0.0),
             slope_sigma: self.settings.slope_sigma,
+            occlusion_share: self.settings.occlusion_share,
         }
     }
 }

@@ -300,6 +300,28 @@ fn gaps_of(
 }
 
 impl SolveField {
+    /// Σ aaᵀ/R and Σ a z/R of all turns with the slopes of the newest surface, and how many beams were refused:
+    /// what every round of a solve does with the beams, each time with all of them.
+    #[must_use]
+    pub fn added_up(&self) -> (Information, u64) {
+        let turns = self.levels.judge(&self.footprints);
+        let n_patches = self.setup.n_patches(&turns.footprints);
+        let at = self.setup.linearization(&n_patches, self.newest.as_deref());
+        let data = self.gather(&turns.footprints, &at, None);
+        (data.info, data.n_refused)
+    }
+
+    /// Where the cells are.
+    pub(in crate::mapping) fn grid(&self) -> &GridGeometry {
+        self.setup.lattice.grid()
+    }
+
+    /// The same work for other volumes.
+    pub(in crate::mapping) fn over(&self, bays: Bays) -> Self {
+        let setup = Arc::new(Setup { bays, ..self.setup.as_ref().clone() });
+        Self { setup, ..self.clone() }
+    }
+
     /// Cells, their heights, and which rest on data.
     pub(in crate::mapping) fn known_heights(&self) -> Option<(GridGeometry, Vec<f64>, Vec<bool>)> {
         let newest = self.newest.as_ref()?;

@@ -1,3 +1,6 @@
+use super::super::VolumeVariance;
+use super::super::bay::Bay;
+use super::super::polygon::Polygon;
 use super::super::region::Rect;
 use super::*;
 use crate::geometry::{Point, Rotation};
@@ -75,6 +78,30 @@ fn a_level_surface_has_the_volume_of_its_box() {
         assert!(hall.estimate.coverage_ratio > 0.95);
         let sigma_m3 = hall.budget.var_m6().sqrt();
         assert!((hall.estimate.sigma_m3 - sigma_m3).abs() < 1e-9 * sigma_m3);
+    }
+}
+
+#[test]
+fn the_papers_grid_counts_its_base_unless_it_adds_as_printed() {
+    let account = |law, sigma_m| {
+        let mut settings = settings(Method::KalmanGrid);
+        let outline = Polygon::from(settings.region.bounds);
+        let base = BaseSurface::Level { height_m: 0.0, sigma_m };
+        settings.region.bays = vec![Bay { name: "hall".to_owned(), outline, base, density: None }];
+        settings.grid.volume_variance = law;
+        let mut mapper = Mapper::new(settings);
+        sweep(&mut mapper);
+        mapper.snapshot(Stamp::ZERO, true).run().expect("solved").accounts.remove(0)
+    };
+    // 36 m² that may lie 2 cm too high.
+    for (law, base_m6) in [(VolumeVariance::Full, 0.72_f64.powi(2)), (VolumeVariance::Printed, 0.0)]
+    {
+        let [known, unsure] = [0.0, 0.02].map(|sigma_m| account(law, sigma_m));
+        let more_m6 = unsure.estimate.sigma_m3.powi(2) - known.estimate.sigma_m3.powi(2);
+        assert!((more_m6 - base_m6).abs() < 1e-9, "{law:?}: {more_m6}");
+        // Two surveys over it share the error.
+        let shared_m6 = unsure.budget.shared_var_of_m6(crate::messages::BudgetSource::Base);
+        assert!((shared_m6 - base_m6).abs() < 1e-9, "{law:?}: {shared_m6}");
     }
 }
 

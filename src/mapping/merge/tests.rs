@@ -47,6 +47,7 @@ fn settings() -> Settings {
                 mount_rotation_rad: 0.003,
                 clock_offset_s: 0.002,
                 tag_place_m: 0.005,
+                tag_datum_m: 0.0,
             },
             ..Default::default()
         },
@@ -185,6 +186,7 @@ fn information_of_parts_adds_up_to_that_of_the_whole() {
         roughness_m: 0.02,
         scatter_m: 0.0,
         slope_sigma: 0.6,
+        occlusion_share: 0.3,
     };
     let information = |map: &Mapper| {
         let mut sum = Information::new(&lattice);

@@ -298,6 +298,7 @@ pub(in crate::record) struct EndedTwin {
     steps_done: usize,
     path_length_m: f64,
     is_complete: bool,
+    is_final: bool,
 }
 
 fn accounts<S: Serializer>(accounts: &[VolumeAccount], to: S) -> Result<S::Ok, S::Error> {

@@ -89,6 +89,17 @@ fn what_differs_in_the_configurations_is_not_shared() {
     assert_eq!(shared, [Origin::Markers, Origin::Base]);
     // 2 · (1 + 4)
     assert!((var_m6 - 10.0).abs() < 1e-9, "{var_m6}");
+    // What `lidar check --write` changes, by the last bit that it writes.
+    for [was, is] in [
+        ["range_bias_m = 0.0", "range_bias_m = 0.00001"],
+        ["range_scale = 0.0", "range_scale = 0.000001"],
+    ] {
+        let recalibrated = toml().replacen(was, is, 1);
+        assert_ne!(recalibrated, toml());
+        let (shared, var_m6) = sigma(&recalibrated);
+        assert_eq!(shared, [Origin::Markers, Origin::Base], "{is}");
+        assert!((var_m6 - 10.0).abs() < 1e-9, "{var_m6}");
+    }
     let new_base = toml().replace("height_m = 0.1, sigma_m = 0.02", "height_m = 0.2");
     let (shared, var_m6) = sigma(&new_base);
     assert_eq!(shared, [Origin::Lidar, Origin::Markers]);
@@ -109,18 +120,48 @@ fn surveys_of_different_ground_are_refused() {
     assert!(refusal(&moved).contains("outline of bay \"sand\""));
     let blocked = format!("{}\n[[exclusions]]\npolygon_m = [[1, 1], [2, 1], [2, 2]]\n", toml());
     assert!(refusal(&blocked).contains("exclusions"));
+    // A pillar that stands on the floor takes ground away; a lamp does not.
+    let obstacle = |from_m: f64| {
+        let corners = "[[3, 3], [4, 3], [4, 4], [3, 4]]";
+        let heights = format!("[{from_m:?}, 3.0]");
+        format!(
+            "{}\n[[obstacles]]\nkind = \"prism\"\npolygon_m = {corners}\nheights_m = {heights}\n",
+            toml()
+        )
+    };
+    assert!(refusal(&obstacle(0.0)).contains("obstacles"));
+    let with_lamp = survey(&obstacle(2.5), [1.0, 2.0]);
+    assert!(compare(&survey(&toml(), [1.0, 2.0]), &with_lamp, 0.05, &[]).is_ok());
+    let wider = toml().replacen("exclusion_margin_m = 0.12", "exclusion_margin_m = 0.13", 1);
+    assert!(refusal(&wider).contains("hall.exclusion_margin_m"));
+    let finer = toml().replacen("cell_m = 0.25", "cell_m = 0.2", 1);
+    assert!(refusal(&finer).contains("surface.cell_m"));
     let error = compare(&survey(&toml(), [1.0, 2.0]), &survey(&toml(), [1.0, 2.0]), 0.0, &[]);
     assert!(error.expect_err("no risk").to_string().contains("risk"));
 }
 
 #[test]
-fn a_bay_of_one_survey_only_is_named() {
-    let mut later = survey(&toml(), [1.0, 2.0]);
-    later.accounts[2].name = "salt".to_owned();
-    let report = compare(&survey(&toml(), [1.0, 2.0]), &later, 0.05, &[]).expect("comparable");
+fn a_bay_of_one_survey_only_is_named_and_the_hall_is_left_out() {
+    let with_salt = toml().replace("name = \"sand\"", "name = \"salt\"");
+    let shorter = with_salt.replacen("[16, 10], [8, 10]", "[16, 9], [8, 9]", 1);
+    let compared_with = |toml: &str| {
+        let mut later = survey(toml, [1.0, 2.0]);
+        later.accounts[2].name = "salt".to_owned();
+        compare(&survey(&self::toml(), [1.0, 2.0]), &later, 0.05, &[]).expect("comparable")
+    };
+    let names = |report: &ChangeReport| -> Vec<String> {
+        report.bays.iter().map(|bay| bay.name.clone()).collect()
+    };
+    // By another name the ground of the hall is the same.
+    let renamed = compared_with(&with_salt);
     assert_eq!(
-        (report.only_earlier.as_slice(), report.only_later.as_slice()),
-        (["sand".to_owned()].as_slice(), ["salt".to_owned()].as_slice(),)
+        (renamed.only_earlier.as_slice(), renamed.only_later.as_slice()),
+        (["sand".to_owned()].as_slice(), ["salt".to_owned()].as_slice())
     );
-    assert_eq!(report.bays.len(), 2);
+    assert_eq!(names(&renamed), ["hall", "gravel"]);
+    assert!(!renamed.is_hall_left_out);
+    // 8 m² less are in its sum: what lies there would be a change.
+    let other = compared_with(&shorter);
+    assert_eq!(names(&other), ["gravel"]);
+    assert!(other.is_hall_left_out);
 }

@@ -62,7 +62,7 @@ impl Collector {
                 end.map_or(at_s, |at| at.seconds()) - from.seconds()
             }),
             volumes: self.volumes(),
-            is_final: self.ended.is_some(),
+            is_final: self.ended.as_ref().is_some_and(|ended| ended.is_final),
             target: self.target(),
             steps: outlook.map_or([0; 2], |o| [o.steps_done, o.ahead_m.len()]),
             pose: outlook.and_then(pose),

@@ -144,6 +144,7 @@ async fn a_flight_into_the_gaps_keeps_the_page_and_the_decision_until_it_takes_o
         steps_done: 3,
         path_length_m: 20.0,
         is_complete: true,
+        is_final: true,
     };
     collector.take(News::Action(Stamp::ZERO, Action::Ended(Box::new(summary))), now);
     let gap = OfferedGap {

@@ -86,7 +86,7 @@ function volumeCard(volume, target, { isFinal, isFlying, isAll, isAlone }) {
   if (volume.stated_t) {
     card.append(element('p', 'tonnes', `${grouped(volume.stated_t[0])} ± ${grouped(volume.stated_t[1])} t`));
   }
-  card.append(aim(volume, target, { isFinal, isFlying }));
+  card.append(aim(volume, target, isFinal));
   if (isFlying && (isAll || isAlone) && target.left_s !== null) card.append(element('p', 'aim', wayAhead(target)));
   const bar = element('div', 'shares');
   volume.shares.forEach((share, k) => {
@@ -106,7 +106,7 @@ function wayAhead({ left_s: left, end_percent: end }) {
   return `way ahead: about\u00a0${about(left)}${end === null ? '' : `, then U about\u00a0${fewDigits(end)}\u00a0%`}`;
 }
 
-function aim(volume, target, { isFinal, isFlying }) {
+function aim(volume, target, isFinal) {
   const line = element('p', 'aim');
   if (volume.expanded_percent === null) {
     line.textContent = 'too little for a percentage';
@@ -115,7 +115,6 @@ function aim(volume, target, { isFinal, isFlying }) {
   const isMet = volume.expanded_percent <= target.percent;
   const now = element('b', isMet ? 'met' : 'unmet', `${volume.expanded_percent > 100 ? 'over\u00a0100' : fewDigits(volume.expanded_percent)}\u00a0%${isFinal ? '' : `\u00a0${ARROWS[volume.trend]}`}`);
   line.append('U\u00a0', now, ` ${isFinal ? 'reached' : 'now'}, target\u00a0${target.percent.toFixed(1)}\u00a0%${isMet ? '\u00a0✓' : ''}`);
-  if (isFlying && volume.until_target_s !== null) line.append(` in about\u00a0${about(volume.until_target_s)}`);
   return line;
 }
 
@@ -261,8 +260,7 @@ function showState(state) {
   showStrip(state);
   showAlarms(state.warnings);
   const { volumes, target, phase, is_final } = state;
-  const rounded = volumes.map((volume) => ({ ...volume, until_target_s: or(volume.until_target_s, about) }));
-  if (isNew('volumes', [rounded, { ...target, left_s: or(target.left_s, about) }, phase, is_final])) showVolumes(state);
+  if (isNew('volumes', [volumes, { ...target, left_s: or(target.left_s, about) }, phase, is_final])) showVolumes(state);
   showControls(state);
   const lines = gauges(state);
   if (isNew('health', lines)) showHealth(lines);
