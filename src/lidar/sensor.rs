@@ -85,6 +85,8 @@ pub struct Identity {
     pub serial: Option<String>,
     /// Scan mode in use.
     pub mode: Option<String>,
+    /// Time between two samples in that mode, where the sensor tells it.
+    pub sample_period: Option<Duration>,
 }
 
 impl Identity {

@@ -1,7 +1,6 @@
 //! Sensor drivers against real captures, pseudo-terminals and sockets.
 
 #![expect(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
-#![expect(clippy::print_stdout, reason = "a test says when its input is not on this machine")]
 
 mod detector_socket;
 mod doctor;

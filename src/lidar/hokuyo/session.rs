@@ -268,6 +268,8 @@ impl Hokuyo {
             firmware: value("FIRM"),
             serial: value("SERI"),
             mode: Some("MD".to_owned()),
+            // It looks through a part of the turn only.
+            sample_period: None,
         }
     }
 

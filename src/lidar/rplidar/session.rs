@@ -337,6 +337,7 @@ impl Rplidar {
                 .info
                 .map(|info| info.serial.iter().map(|byte| format!("{byte:02X}")).collect()),
             mode: Some(self.mode.name.clone()).filter(|name| !name.is_empty()),
+            sample_period: Some(self.mode.sample_period).filter(|period| !period.is_zero()),
         }
     }
 

@@ -155,6 +155,9 @@ impl Ydlidar {
             (Query::SampleRate, Reply::Setting(code)) => {
                 if let Some(rate_hz) = sample_rate_hz(self.model, *code) {
                     self.period = Duration::from_secs(1) / rate_hz;
+                    if let Some(identity) = &mut self.identity {
+                        identity.sample_period = Some(self.period);
+                    }
                 }
             }
             _ => return,
@@ -175,6 +178,7 @@ impl Ydlidar {
             firmware: Some(format!("{major}.{minor}")),
             serial: Some(info.serial.iter().map(|digit| char::from(b'0' + digit % 10)).collect()),
             mode: None,
+            sample_period: None,
         }
     }
 
