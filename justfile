@@ -50,6 +50,10 @@ fly *ARGS:
 campaign *ARGS:
     cargo run --release -p stockpilot-sim --locked -- campaign {{ARGS}}
 
+# Every case of the fault harness on both families of autopilots, three minutes: `just faults --seed 3`.
+faults *ARGS:
+    cargo run --release -p stockpilot-sim --locked -- faults {{ARGS}}
+
 # Is the localisation as sure as it says? `just consistency --latency-ms 10,30,150 --out nees`.
 consistency *ARGS:
     cargo run --release -p stockpilot-sim --locked -- consistency {{ARGS}}

@@ -4,7 +4,10 @@
 //! pack/
 //!   LOG.mcap              the log, every byte
 //!   config.toml           the configuration that it was flown with
+//!   LOG.review.jsonl      what people decided of its flights, if they did
 //!   volumes.json          the volumes to the last bit, and the builds
+//!   wishes.json           what the report was asked for: site, target, books, which survey of the log
+//!   earlier.mcap          the log of the earlier survey, if the report compares with one
 //!   report.pdf …          the report with its maps and point clouds
 //!   RECOMPUTE.txt         the commands
 //!   stockpilot.pub        the public key; who it belongs to, the auditor must know from elsewhere
@@ -12,14 +15,17 @@
 //!   SHA256SUMS.minisig    the signature of that list
 //! ```
 //! The signature is minisign's, so the list can be checked without this program: `minisign -V` for the
-//! signature, `sha256sum -c` for the files. [`verify`] does both and computes the volumes again.
+//! signature, `sha256sum -c` for the files. [`verify`] does both, computes the volumes again and makes every
+//! file of the pack anew from the logs, the wishes and the decisions: each must come out byte by byte, the PDF
+//! too.
 //!
-//! What a signature says: the holder of the key has packed these bytes. Not: when, or that the
-//! configuration is right.
+//! What a signature says: the holder of the key has packed these bytes. Not: when, or that the configuration,
+//! the books or the decisions are right. Those, and the earlier log, stand on the signature alone.
 
 mod key;
 mod pack;
 mod verify;
+mod wishes;
 
 pub use key::{AuditKey, make_key, read_public_key};
 pub use pack::{Pack, PackedVolumes, pack};
@@ -39,6 +45,10 @@ pub const PUBLIC_KEY: &str = "stockpilot.pub";
 pub const VOLUMES: &str = "volumes.json";
 /// The configuration in a pack.
 pub const CONFIG: &str = "config.toml";
+/// What the report was asked for.
+pub const WISHES: &str = "wishes.json";
+/// The log of the earlier survey.
+pub const EARLIER: &str = "earlier.mcap";
 /// The commands in a pack.
 pub const RECOMPUTE: &str = "RECOMPUTE.txt";
 
@@ -75,9 +85,15 @@ pub enum AuditError {
     /// The report cannot be made.
     #[error(transparent)]
     Report(#[from] ReportError),
-    /// The volumes are no JSON.
-    #[error("{VOLUMES}: {0}")]
+    /// Volumes or wishes are no JSON.
+    #[error("{VOLUMES}, {WISHES}: {0}")]
     Json(#[from] serde_json::Error),
+    /// The log has a name that the pack needs for something else.
+    #[error("the log cannot be packed as {name:?}: give it another name")]
+    Name {
+        /// Which.
+        name: String,
+    },
     /// This build does not compute the volumes that the log records.
     #[error(
         "this build does not compute the recorded volumes again to the last bit, so nobody could check \
@@ -86,6 +102,12 @@ pub enum AuditError {
     NotReproduced {
         /// The build in the log.
         flown_with: String,
+    },
+    /// The log is not what the report was made of.
+    #[error("{} is being written: pack it when the service has ended", path.display())]
+    Growing {
+        /// Which.
+        path: PathBuf,
     },
     /// A merged survey has no events to compute from.
     #[error("the survey was merged from other logs: pack each of them")]

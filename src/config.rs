@@ -32,7 +32,7 @@ mod surface;
 
 pub use bays::{BaseSection, BaySection, ExclusionSection};
 pub use cameras::{CameraSection, LensName};
-pub use edit::{FoundMount, FoundRange, write_clock, write_mount, write_range};
+pub use edit::{FoundMount, FoundRange, write_clock, write_markers, write_mount, write_range};
 pub use error::ConfigError;
 pub use file::{
     Config, DustZone, HallSection, LidarSection, LinkSection, LogSection, MountSection, RectSection,

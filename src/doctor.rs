@@ -1,7 +1,7 @@
 //! `stockpilot doctor`: what is connected, whether it works, and what to do where it does not.
 //!
 //! ```text
-//! serial ports · LiDAR · detector · autopilot · clocks · log ─ listened to for some seconds ─▶ Report
+//! serial ports · video devices · LiDAR · detector · autopilot · clocks · log ─ listened to for some seconds ─▶ Report
 //! ```
 //! The examination runs the service's own drivers and link beside each other, as in flight, but
 //! records nothing and commands nothing. Judging is pure: [`judge`] is told what was seen.
@@ -11,9 +11,11 @@ mod examination;
 pub mod judge;
 mod parameters;
 mod ports;
+mod video;
 
 pub use examination::{Examination, Patience};
 pub use ports::{SerialPort, serial_ports};
+pub use video::video_checks;
 
 use serde::Serialize;
 use std::fmt;

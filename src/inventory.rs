@@ -4,22 +4,22 @@
 //! | --- | --- |
 //! | `hall` | hall, by its name |
 //! | `bay` | bay of a hall, and the hall as a whole |
-//! | `survey` | log: its SHA-256, its configuration, when it measured |
+//! | `survey` | survey of a log: the log's SHA-256, its configuration, when it measured, which errors it does not share |
 //! | `volume` | bay of a survey: volume, σ, mass, and the whole account |
 //!
 //! Ids are stable: they are made from names and from the log's sum, so the same survey has the same id in
 //! every file. A survey is added in one transaction; a log that is there already is not added again, also
-//! under another name. Nothing is ever changed or taken out.
+//! under another name. Neither is one that a person has rejected, unless that is asked for. Nothing is ever changed or taken out.
 //!
 //! The rows hold what a log recorded; whether it can be computed again, `report` and `audit` say.
 
 mod history;
-mod ids;
 mod store;
 mod table;
+mod tables;
 
 pub use history::{HistoryLine, history};
-pub use store::{Added, Inventory, StoredSurvey};
+pub use store::{AddOptions, Added, Inventory, StoredSurvey};
 pub use table::history_table;
 
 use crate::record::replay::ReplayError;
@@ -57,6 +57,14 @@ pub enum InventoryError {
     /// An account cannot be written or read.
     #[error("an account in the books: {0}")]
     Account(#[from] serde_json::Error),
+    /// A person has rejected the survey.
+    #[error("{}: the survey was {said}; --although-rejected adds it all the same", path.display())]
+    Rejected {
+        /// Which log.
+        path: PathBuf,
+        /// By whom, when and why.
+        said: String,
+    },
     /// The log is of a flight under way.
     #[error(
         "{} holds no result after a landing; if it is cut, `stockpilot merge` makes one", path.display()

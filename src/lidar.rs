@@ -26,7 +26,7 @@ mod watchdog;
 pub mod ydlidar;
 
 pub use assembler::{AssemblerStats, ScanAssembler};
-pub use detect::{Detector, Found, Probe};
+pub use detect::{Detector, Found, Probe, Stranger};
 pub use driver::Driver;
 pub use model::{Family, Model, Spec};
 pub use port::{GOOD_LATENCY_MS, OpenError, latency_timer_ms};

@@ -97,7 +97,12 @@ pub struct Pilot {
     strayed_m: Option<f64>,
     /// The localisation's count of declared jumps, as it was last looked at.
     reset_counter: u8,
+    /// When the LiDAR's head was last seen to turn.
+    last_turn_at: Option<Stamp<Mono>>,
+    /// When a beam last measured something.
     last_beam_at: Option<Stamp<Mono>>,
+    /// The instant of the newest place that the autopilot got.
+    published_at: Option<Stamp<Mono>>,
     sample_lag: SampleLag,
     /// Scans whose pose can still change: see [`Self::map_waiting_scans`].
     waiting_scans: VecDeque<Scan>,
@@ -177,7 +182,9 @@ impl Pilot {
             strayed_m: None,
             reset_counter: 0,
             sample_lag: SampleLag::default(),
+            last_turn_at: None,
             last_beam_at: None,
+            published_at: None,
             waiting_scans: VecDeque::new(),
             jobs: Jobs::default(),
             accounts: Vec::new(),
@@ -210,7 +217,10 @@ impl Pilot {
                     self.mapper.refuse(&scan);
                     return;
                 }
-                self.last_beam_at = self.last_beam_at.max(Some(scan.end()));
+                if scan.is_turning() {
+                    self.last_turn_at = self.last_turn_at.max(Some(scan.end()));
+                    self.last_beam_at = self.last_beam_at.max(self.mapper.measured_at(&scan));
+                }
                 self.waiting_scans.push_back(scan);
                 self.map_waiting_scans();
             }

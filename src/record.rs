@@ -5,6 +5,7 @@
 //!                              └─ the same bytes ─▶ LiveView ─▶ viewers
 //! file.mcap ─▶ LogReader ─ events, results ─▶ replay ─▶ ReplayReport
 //!                  └─ events ─▶ read_flights ─▶ turns;  results ─▶ read_accounts ─▶ volumes
+//!                  └─ read_surveys ─▶ which surveys it holds, one after the other
 //!                  └─ both ─▶ fly_again ─▶ what a watcher sees, and whether it came out as recorded
 //! ```
 //! | topics | encoding | role |
@@ -29,26 +30,31 @@ mod reader;
 mod recorder;
 mod refly;
 pub mod replay;
+mod review;
 mod scans;
 mod shelf;
+mod surveys;
 mod topic;
 mod twin;
 mod view;
 mod writer;
 
 pub use accounts::{
-    LogTimes, LoggedAccounts, accounts_from_json, accounts_to_json, read_accounts, read_times,
+    LogTimes, LoggedAccounts, accounts_from_json, accounts_to_json, read_accounts,
+    read_accounts_of, read_times,
 };
 pub use again::{FlownAgain, LoggedVolumes, Watcher, fly_again};
-pub use build::build_identity;
+pub use build::{build_commit, build_identity};
 pub use entry::RecordedEvent;
 pub use flights::{LoggedFlights, read_flights};
 pub use live::{LiveView, RunningLive};
 pub use reader::{LogItem, LogReader};
-pub use recorder::{RecordError, Recorder, RecorderHealth, RecorderStats};
+pub use recorder::{LogNotes, RecordError, Recorder, RecorderHealth, RecorderStats};
+pub use review::{Decided, Decision, read_decision, review_file};
 pub use scans::read_scans;
 pub use shelf::{
-    Shelf, ShelfSettings, ShelvedLog, Standing, has_flown, mark_reported, shelved_logs,
+    Seen, Shelf, ShelfSettings, ShelvedLog, Standing, mark_reported, shelved_logs, standing_within,
 };
+pub use surveys::{LogContents, LoggedSurvey, SurveyPlace, read_surveys};
 pub use topic::Topic;
 pub use writer::LogHeader;

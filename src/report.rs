@@ -28,6 +28,7 @@ pub use books::{Amount, BookDifference, BookEntry, BookError, read_books};
 pub use data::{ReportData, SCHEMA};
 pub use facts::{BayFacts, Facts, Wishes};
 pub use files::{ReportFile, SUMS, report_files, write_files};
+pub(crate) use files::{sync_folder, write_to_disk};
 pub use verdict::{Target, Verdict};
 
 use crate::export::ExportError;

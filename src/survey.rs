@@ -15,6 +15,7 @@ mod calibrate;
 mod compare;
 mod flight;
 mod floor;
+pub mod ids;
 mod learn;
 mod merge;
 mod table;

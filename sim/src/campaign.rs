@@ -8,6 +8,7 @@ use crate::faults::{LinkLayer, Way};
 use crate::hall::{Devices, config};
 use crate::judge::PoseJudge;
 use crate::lidar::TurnAssembler;
+use crate::lidar_faults::LidarFault;
 use crate::operator::Operator;
 use crate::report::{Measured, RunReport};
 use crate::rig::{Rig, RigOutput};
@@ -71,8 +72,8 @@ pub enum Witnessed<'a> {
 pub struct SensorFaults {
     /// Frames arrive without a tag.
     pub is_camera_covered: bool,
-    /// No scan arrives.
-    pub is_lidar_silent: bool,
+    /// What is wrong with the LiDAR.
+    pub lidar: Option<LidarFault>,
     /// What the detector gets wrong.
     pub camera: Option<CameraFault>,
     /// No more markers than this, the largest in the picture.
@@ -464,8 +465,12 @@ impl DirectFlight {
         );
         for packet in &output.packets {
             self.n_samples_sent += packet.samples.len() as u64;
-            let turn = self.turns.push(packet).filter(|_| !self.faults.is_lidar_silent);
-            events.extend(turn.map(Event::Scanned));
+            let turn = self.turns.push(packet);
+            let heard = turn.and_then(|turn| match self.faults.lidar {
+                Some(fault) => fault.spoilt(turn),
+                None => Some(turn),
+            });
+            events.extend(heard.map(Event::Scanned));
         }
     }
 

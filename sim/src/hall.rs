@@ -176,6 +176,10 @@ fn bays(world: &World) -> Vec<BaySection> {
         base: None,
         density_t_per_m3: Some(mean),
         density_sigma_t_per_m3: Some(sigma),
+        density_source: None,
+        density_date: None,
+        moisture: None,
+        material: None,
     };
     world.bays.iter().map(section).collect()
 }

@@ -23,6 +23,7 @@ pub mod judge;
 pub mod lidar;
 mod lidar_catalogue;
 pub mod lidar_command;
+pub mod lidar_faults;
 pub mod load;
 pub mod machine;
 pub mod operator;

@@ -56,6 +56,7 @@ impl LidarModel {
             Model::Stl27l => Self { name: "STL-27L", ..plain },
             // USB: the speed that is set on the port means nothing.
             Model::HokuyoUtm30lx => Self { turns_per_s: 40.0, ..plain },
+            Model::HokuyoScip2 => Self { turns_per_s: 15.0, ..plain },
             _ => plain,
         }
     }
@@ -79,7 +80,8 @@ const fn firmware(model: Model) -> Firmware {
         Model::YdlidarTg30 => Firmware::Ydlidar(101),
         Model::YdlidarTg50 => Firmware::Ydlidar(102),
         Model::YdlidarTminiPro => Firmware::Ydlidar(150),
-        Model::HokuyoUrg04lx => Firmware::Hokuyo(1024),
-        Model::HokuyoUtm30lx => Firmware::Hokuyo(1440),
+        Model::HokuyoUrg04lx => Firmware::Hokuyo(682),
+        Model::HokuyoUtm30lx => Firmware::Hokuyo(1081),
+        Model::HokuyoScip2 => Firmware::Hokuyo(769),
     }
 }

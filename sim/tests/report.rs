@@ -2,13 +2,16 @@
 
 #![expect(clippy::expect_used, reason = "a test may stop at the first surprise")]
 
+use mavlink::dialects::ardupilotmega::MavCmd;
 use std::path::{Path, PathBuf};
+use stockpilot::audit::{AuditKey, Finding, WISHES, make_key, pack, verify};
 use stockpilot::config::{Config, SurfaceName};
 use stockpilot::export::sha256_of_file;
-use stockpilot::messages::{CellCoverage, VolumeAccount};
+use stockpilot::messages::{CellCoverage, Severity, VolumeAccount};
+use stockpilot::pilot::{Action, Event};
 use stockpilot::record::{LogHeader, Recorder};
-use stockpilot::report::{Facts, Report, Target, Wishes};
-use stockpilot::survey::{Flight, Reproduction, Survey};
+use stockpilot::report::{Facts, Report, Target, Verdict, Wishes};
+use stockpilot::survey::{Flight, Origin, Reproduction, Survey};
 use stockpilot_sim::autopilot::Flavour;
 use stockpilot_sim::camera::CameraModel;
 use stockpilot_sim::campaign::{DirectFlight, Witnessed};
@@ -106,6 +109,88 @@ fn a_report_says_what_the_log_says() {
     assert!(change.change.p_value > 1e-4, "{change}");
     assert!(change.change.sigma_m3 < hall.account.estimate.sigma_m3 * 1.5, "nothing cancels");
     assert!(hall.book.as_ref().expect("a book").is_significant);
+    // Nothing cancels where everything was mounted, hung and laid anew.
+    let wishes = Wishes { independent: Origin::ALL.to_vec(), ..facts.wishes.clone() };
+    let renewed = Facts::new(facts.flight.clone(), wishes).expect("facts");
+    let renewed = &renewed.bays[0].change.as_ref().expect("a change").change;
+    let sigma_m3 = change.earlier.sigma_m3.hypot(change.later.sigma_m3);
+    assert!((renewed.sigma_m3 - sigma_m3).abs() < 1e-9 * sigma_m3, "{renewed:?}");
+    assert_a_signer_cannot_change_the_report(&facts, &folder);
+    assert_a_rejected_survey_is_to_be_repeated(&facts, &later);
+}
+
+/// What a person decided beside the log is in the report, whatever the numbers are.
+fn assert_a_rejected_survey_is_to_be_repeated(facts: &Facts, log: &Path) {
+    let review = stockpilot::record::review_file(log);
+    let ended_ns = facts.flight.place.ended_at[0].nanos();
+    let line = format!(
+        "{{\"flight_ended_at_ns\":{ended_ns},\"verdict\":\"rejected\",\"remark\":\"fog over bay B\",\
+         \"remarks\":[],\"decided_utc\":\"2026-03-04T06:00:00Z\",\"decided_by\":\"Kim\"}}\n"
+    );
+    std::fs::write(&review, line).expect("a file");
+    let flight = Flight::read(log);
+    std::fs::remove_file(&review).expect("no file");
+    let facts = Facts::new(flight.expect("a flight"), facts.wishes.clone()).expect("facts");
+    assert!(facts.bays.iter().all(|bay| bay.verdict == Verdict::Repeat));
+    let report = Report::new(&facts, "").expect("a report");
+    let said = "the survey was rejected by Kim, 2026-03-04T06:00:00Z: fog over bay B";
+    assert!(report.json.contains(said) && report.html.contains(&said.replace("the", "The")));
+}
+
+/// Whoever holds the key may sign anything: what does not follow from the log is found all the same.
+fn assert_a_signer_cannot_change_the_report(facts: &Facts, folder: &Path) {
+    let (key, out) = (folder.join("audit.key"), folder.join("pack"));
+    let _absent = std::fs::remove_dir_all(&out);
+    for name in ["audit.key", "audit.pub"] {
+        let _absent = std::fs::remove_file(folder.join(name));
+    }
+    make_key(&key).expect("a key");
+    let key = AuditKey::read(&key).expect("a key");
+    pack(facts, &key, &out).expect("a pack");
+    let check = || verify(&out, Some(key.public())).expect("a verification");
+    let whole = check();
+    assert_eq!(whole.findings, []);
+    assert_eq!(whole.volumes.expect("volumes").volumes.len(), facts.bays.len());
+    let hall = facts.bays[0].account.estimate.volume_m3;
+    let more = format!("{}", hall + 10.0);
+    let changes = [
+        ("report.csv", format!("{hall}"), more.clone(), "report.csv"),
+        ("report.json", format!("{hall}"), more, "report.json"),
+        ("report.html", "k = 2".to_owned(), "k = 1".to_owned(), "report.html"),
+        // Other books make another report.
+        (WISHES, "300.0".to_owned(), "310.0".to_owned(), "report.csv"),
+    ];
+    for (name, from, to, found_in) in changes {
+        let path = out.join(name);
+        let before = std::fs::read_to_string(&path).expect("a text");
+        let after = before.replacen(&from, &to, 1);
+        assert_ne!(before, after, "{name} has no {from}");
+        std::fs::write(&path, after).expect("a file");
+        sign_anew(&out, &key);
+        let found = check();
+        let wanted = Finding::NotMadeOfLog(found_in.to_owned());
+        assert!(found.findings.contains(&wanted), "{name}: {:?}", found.findings);
+        assert!(found.volumes.is_none());
+        std::fs::write(&path, before).expect("a file");
+    }
+    std::fs::write(out.join("addendum.pdf"), "%PDF-").expect("a file");
+    sign_anew(&out, &key);
+    assert_eq!(check().findings, [Finding::Foreign("addendum.pdf".to_owned())]);
+}
+
+/// Lists all files of a pack with the sums that they have now, and signs the list.
+fn sign_anew(out: &Path, key: &AuditKey) {
+    let mut sums = String::new();
+    for entry in std::fs::read_dir(out).expect("a folder") {
+        let path = entry.expect("an entry").path();
+        let name = path.file_name().expect("a name").to_string_lossy().into_owned();
+        if !name.starts_with("SHA256SUMS") {
+            sums.push_str(&format!("{}  {name}\n", sha256_of_file(&path).expect("a sum")));
+        }
+    }
+    let signature = key.sign(sums.as_bytes(), "once more").expect("a signature");
+    std::fs::write(out.join("SHA256SUMS.minisig"), signature).expect("a file");
+    std::fs::write(out.join("SHA256SUMS"), sums).expect("a file");
 }
 
 /// The states of the cells, added up here, are the shares that the account states.
@@ -176,7 +261,10 @@ fn assert_data_equal_the_accounts(report: &Report, accounts: &[VolumeAccount]) {
         assert_eq!(volume.to_bits(), account.estimate.volume_m3.to_bits());
         assert!(cells[2].starts_with("2026-03-04T05:0"), "{}", cells[2]);
     }
-    assert_eq!(json["survey"]["started_utc"], "2026-03-04T05:06:07Z");
+    assert_eq!(json["survey"]["log_started_utc"], "2026-03-04T05:06:07Z");
+    // The ground station of the simulation says START four seconds after the log's beginning.
+    let started = json["survey"]["started_utc"].as_str().expect("a time");
+    assert!(started.starts_with("2026-03-04T05:06:11"), "{started}");
     let covariance = json["covariance"]["of_constant_errors_m6"].as_array().expect("rows");
     for (row, account) in covariance.iter().enumerate().map(|(k, _)| k).zip(accounts) {
         let variance = covariance[row][row].as_f64().expect("a number");
@@ -196,4 +284,103 @@ fn assert_wording(report: &Report) {
     }
     assert!(report.pdf.starts_with(b"%PDF-"));
     assert!(!report.html.contains("src=") && !report.html.contains("href="), "not self-contained");
+}
+
+/// The events of one survey as a witness of the flight saw them.
+#[derive(Default)]
+struct Seen {
+    warnings: usize,
+    frames: usize,
+    first_place_m: Option<[f64; 3]>,
+}
+
+impl Seen {
+    fn action(&mut self, action: &Action) {
+        match action {
+            Action::Say(text) if text.severity <= Severity::Warning => self.warnings += 1,
+            Action::FixTreated(_) => self.frames += 1,
+            Action::PublishOdometry(estimate) => {
+                let place_m = estimate.hall_from_body.origin.coords.into();
+                self.first_place_m.get_or_insert(place_m);
+            }
+            _ => {}
+        }
+    }
+}
+
+/// Flies twice with one brain and one log; a second log ends before the second START. Gives what was seen
+/// from that START on, and when it came.
+#[expect(clippy::panic, reason = "a test without its second survey has failed")]
+fn fly_twice(first: &Path, both: &Path) -> (Seen, f64) {
+    let scenario = scenario(3);
+    let mut config: Config = config(&scenario, Devices::none());
+    config.surface.method = SurfaceName::MaternField;
+    config.surface.solve_interval_s = 60.0;
+    config.planning.n_steps = 6;
+    let config_toml = config.to_toml().expect("TOML");
+    let notes = [("started_utc".to_owned(), "2026-03-04T05:06:07Z".to_owned())].into();
+    let header = LogHeader { config_toml, notes, ..LogHeader::default() };
+    let recorder = |path: &Path| {
+        let _absent = std::fs::remove_file(path);
+        Recorder::create(path, &header).expect("a log").waiting()
+    };
+    let (mut of_first, mut of_both) = (Some(recorder(first)), recorder(both));
+    let mut flight = DirectFlight::with_config(&scenario, &config).expect("a flight");
+    let (mut seen, mut began_s, mut first_end) = (Seen::default(), 0.0, None);
+    while flight.rig.now().seconds() < 600.0 {
+        flight.step(&mut |now, witnessed| match witnessed {
+            Witnessed::Event(event) => {
+                let is_start = matches!(event, Event::Operator(wish) if wish.verb.is_start());
+                if is_start && first_end.is_some() && of_first.is_some() {
+                    (of_first, seen, began_s) = (None, Seen::default(), now.seconds());
+                }
+                of_first.iter_mut().chain([&mut of_both]).for_each(|log| log.event(now, event));
+            }
+            Witnessed::Action(action) => {
+                seen.action(action);
+                of_first.iter_mut().chain([&mut of_both]).for_each(|log| log.result(now, action));
+            }
+            Witnessed::ToAutopilot(_) => {}
+        });
+        let ended_at = flight.summary().map(|summary| summary.at);
+        match (first_end, ended_at) {
+            (None, Some(_)) => {
+                first_end = ended_at;
+                flight.operator_mut().ask(MavCmd::MAV_CMD_USER_1);
+            }
+            (Some(_), now) if now != first_end => return (seen, began_s),
+            _ => {}
+        }
+    }
+    panic!("no second survey: {:?}", flight.texts());
+}
+
+/// A report of one survey of a log holds nothing of the other.
+#[test]
+fn two_surveys_of_one_log_are_kept_apart() {
+    let folder = folder();
+    let (first, both) = (folder.join("one-survey.mcap"), folder.join("two-surveys.mcap"));
+    let (seen, began_s) = fly_twice(&first, &both);
+
+    let alone = Flight::read(&first).expect("a flight");
+    let one = Flight::read_one(&both, Some(1)).expect("a flight");
+    assert_eq!((one.place.number, one.place.n_in_log), (1, 2));
+    assert_eq!(one.reproduction, Reproduction::Identical);
+    assert!(one.is_final && one.is_complete);
+    let same_log = Flight { log: one.log.clone(), place: one.place.clone(), ..alone };
+    assert!(one == same_log, "the second survey shows in the first");
+
+    let two = Flight::read(&both).expect("a flight");
+    assert_eq!((two.place.number, two.place.n_in_log), (2, 2));
+    assert_eq!(two.reproduction, Reproduction::Identical);
+    assert_eq!(two.warnings.len(), seen.warnings);
+    assert_eq!(two.fixes.n_all(), seen.frames);
+    assert_eq!(two.path_m.first().copied(), seen.first_place_m);
+    assert!((two.place.began_at.seconds() - began_s).abs() < 0.1, "{:?}", two.place);
+    assert_eq!(two.started, two.civil(two.place.began_at));
+    assert!(two.started > one.started);
+    assert_eq!(two.hits.len() as u64, two.counts.used);
+    assert!(two.hits.iter().all(|hit| hit.at.seconds() > began_s));
+    assert!(one.hits.iter().all(|hit| hit.at.seconds() < began_s));
+    assert!(two.phases.iter().all(|change| change.at.seconds() >= began_s - 0.1));
 }

@@ -78,6 +78,25 @@ impl AuditKey {
     }
 }
 
+impl AuditKey {
+    /// The public half.
+    #[must_use]
+    pub const fn public(&self) -> &PublicKey {
+        &self.public
+    }
+
+    /// Signs the list of a pack's files, as minisign does.
+    ///
+    /// # Errors
+    /// A machine without random numbers.
+    pub fn sign(&self, list: &[u8], comment: &str) -> Result<String, AuditError> {
+        let untrusted = Some("minisign signature of SHA256SUMS");
+        minisign::sign(Some(&self.public), &self.secret, list, Some(comment), untrusted)
+            .map(minisign::SignatureBox::into_string)
+            .map_err(minisign_error("signing"))
+    }
+}
+
 /// Reads a public key.
 ///
 /// # Errors

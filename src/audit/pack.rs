@@ -1,16 +1,17 @@
 //! Packing.
 
 use super::key::{AuditKey, boxed};
+use super::wishes::PackedWishes;
 use super::{
-    AuditError, CONFIG, PUBLIC_KEY, RECOMPUTE, SIGNATURE, SUMS, VOLUMES, at, minisign_error,
+    AuditError, CONFIG, EARLIER, PUBLIC_KEY, RECOMPUTE, SIGNATURE, SUMS, VOLUMES, WISHES, at,
 };
 use crate::export::{sha256_of_bytes, sha256_of_file};
 use crate::messages::VolumeAccount;
-use crate::record::build_identity;
-use crate::report::{Facts, ReportFile, report_files};
-use crate::survey::{Flight, Reproduction};
+use crate::record::review_file;
+use crate::report::{Facts, ReportFile, report_files, sync_folder, write_to_disk};
+use crate::survey::Reproduction;
 use serde::{Deserialize, Serialize};
-use std::fmt::Write as _;
+use std::fs::File;
 use std::path::Path;
 
 /// The volumes of a pack, and the builds that agree on them.
@@ -65,7 +66,8 @@ pub struct Pack {
     pub log_sha256: String,
 }
 
-/// Packs a survey into `folder`, which must not exist, and signs the list of its files.
+/// Packs a survey into `folder`, which must not exist, and signs the list of its files. When it returns, all is
+/// on the disk: the log may be deleted from then on.
 ///
 /// # Errors
 /// A log that this build does not compute again to the last bit, a folder that exists, or a file that
@@ -81,66 +83,112 @@ pub fn pack(facts: &Facts, key: &AuditKey, folder: &Path) -> Result<Pack, AuditE
     }
     let log_sha256 = sha256_of_file(&flight.log).map_err(at(&flight.log))?;
     let log_name = flight.log.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    let volumes = volumes(flight, &log_name)?;
-    let mut files: Vec<(&str, Vec<u8>)> = vec![
-        (CONFIG, flight.config_toml.clone().into_bytes()),
-        (VOLUMES, volumes),
-        (RECOMPUTE, commands(&log_name, flight).into_bytes()),
-        (PUBLIC_KEY, format!("{}\n", boxed(&key.public)?.trim_end()).into_bytes()),
-    ];
-    let report = report_files(facts, &log_sha256)?;
-    files.extend(report.into_iter().map(|ReportFile { name, bytes }| (name, bytes)));
+    if log_name == EARLIER || !log_name.ends_with(".mcap") {
+        return Err(AuditError::Name { name: log_name });
+    }
+    let wishes = PackedWishes::new(flight.place.number, &facts.wishes)?;
+    let mut files = made_files(facts, &log_sha256, &log_name)?;
+    files.push((WISHES.to_owned(), json(&wishes)?));
+    files.push((
+        PUBLIC_KEY.to_owned(),
+        format!("{}\n", boxed(&key.public)?.trim_end()).into_bytes(),
+    ));
+    let review = review_file(&flight.log);
+    if review.is_file() {
+        let name = review_file(Path::new(&log_name)).display().to_string();
+        files.push((name, std::fs::read(&review).map_err(at(&review))?));
+    }
 
     std::fs::create_dir(folder).map_err(at(folder))?;
-    let copy = folder.join(&log_name);
-    std::fs::copy(&flight.log, &copy).map_err(at(&copy))?;
-    let mut sums = format!("{log_sha256}  {log_name}\n");
+    let mut sums = String::new();
+    let mut list = |sum: &str, name: &str| sums.push_str(&format!("{sum}  {name}\n"));
+    let copied = copy(&flight.log, &folder.join(&log_name), &log_sha256);
+    copied.inspect_err(|_| drop(std::fs::remove_dir_all(folder)))?;
+    list(&log_sha256, &log_name);
+    if let (Some(earlier), Some(packed)) = (&facts.wishes.against, &wishes.against) {
+        copy(&earlier.path, &folder.join(EARLIER), &packed.sha256)?;
+        list(&packed.sha256, EARLIER);
+    }
     for (name, bytes) in &files {
-        // Writing into a text cannot fail.
-        let _ok = writeln!(sums, "{}  {name}", sha256_of_bytes(bytes));
+        list(&sha256_of_bytes(bytes), name);
         let path = folder.join(name);
-        std::fs::write(&path, bytes).map_err(at(&path))?;
+        write_to_disk(&path, bytes).map_err(at(&path))?;
     }
-    let signature = minisign::sign(
-        Some(&key.public),
-        &key.secret,
-        sums.as_bytes(),
-        Some(&format!("stockpilot audit pack of {log_name}")),
-        Some("minisign signature of SHA256SUMS"),
-    )
-    .map_err(minisign_error("signing"))?;
-    for (name, text) in [(SUMS, sums), (SIGNATURE, signature.into_string())] {
+    let signature = key.sign(sums.as_bytes(), &format!("stockpilot audit pack of {log_name}"))?;
+    let n_files = sums.lines().count();
+    for (name, text) in [(SUMS, sums), (SIGNATURE, signature)] {
         let path = folder.join(name);
-        std::fs::write(&path, text).map_err(at(&path))?;
+        write_to_disk(&path, text.as_bytes()).map_err(at(&path))?;
     }
-    Ok(Pack { n_files: files.len() + 1, log_sha256 })
+    sync_folder(folder).map_err(at(folder))?;
+    Ok(Pack { n_files, log_sha256 })
 }
 
-fn volumes(flight: &Flight, log_name: &str) -> Result<Vec<u8>, AuditError> {
-    let packed = PackedVolumes {
-        log: log_name.to_owned(),
-        version: flight.version.clone(),
-        flown_with: flight.build.clone(),
-        packed_with: build_identity(),
-        volumes: flight.accounts.iter().map(PackedVolume::from).collect(),
-    };
-    let mut json = serde_json::to_vec_pretty(&packed)?;
+/// Copies a log to the disk; one that somebody writes meanwhile is no longer what was reported.
+fn copy(log: &Path, to: &Path, sha256: &str) -> Result<(), AuditError> {
+    std::fs::copy(log, to).map_err(at(to))?;
+    File::open(to).and_then(|file| file.sync_all()).map_err(at(to))?;
+    if sha256_of_file(to).map_err(at(to))? == sha256 {
+        Ok(())
+    } else {
+        Err(AuditError::Growing { path: log.to_owned() })
+    }
+}
+
+/// The files of a pack that can be made again from its logs, wishes and decisions.
+pub(super) fn made_files(
+    facts: &Facts,
+    log_sha256: &str,
+    log_name: &str,
+) -> Result<Vec<(String, Vec<u8>)>, AuditError> {
+    let mut files = vec![
+        (CONFIG.to_owned(), facts.flight.config_toml.clone().into_bytes()),
+        (VOLUMES.to_owned(), volumes(facts, log_name)?),
+        (RECOMPUTE.to_owned(), commands(log_name, facts).into_bytes()),
+    ];
+    let report = report_files(facts, log_sha256)?;
+    files.extend(report.into_iter().map(|ReportFile { name, bytes }| (name.to_owned(), bytes)));
+    Ok(files)
+}
+
+fn json(of: &impl Serialize) -> Result<Vec<u8>, AuditError> {
+    let mut json = serde_json::to_vec_pretty(of)?;
     json.push(b'\n');
     Ok(json)
 }
 
-fn commands(log_name: &str, flight: &Flight) -> String {
+fn volumes(facts: &Facts, log_name: &str) -> Result<Vec<u8>, AuditError> {
+    let flight = &facts.flight;
+    json(&PackedVolumes {
+        log: log_name.to_owned(),
+        version: flight.version.clone(),
+        flown_with: flight.build.clone(),
+        packed_with: facts.reported_by.clone(),
+        volumes: flight.accounts.iter().map(PackedVolume::from).collect(),
+    })
+}
+
+/// What stands in a build's name where its commit is not known.
+const NOT_STAMPED: &str = "commit not stamped";
+
+fn commands(log_name: &str, facts: &Facts) -> String {
+    let (flight, packed_with) = (&facts.flight, &facts.reported_by);
+    let source = if packed_with.contains(NOT_STAMPED) {
+        "The commit of the source is not stamped into the build, so the signer must name it"
+    } else {
+        "The commit of the source is the one in the build's name"
+    };
     format!(
-        "With stockpilot {} of the same source (build of the pack: {}), in this folder:\n\n\
+        "With stockpilot {} of the same source (build of the pack: {packed_with}), in this folder:\n\n\
          \x20   stockpilot audit verify . --public-key KEY.pub\n\n\
-         checks the signature and every file, and computes the volumes again to the last bit. Step by \
-         step:\n\n\
+         checks the signature and every file, computes the volumes again to the last bit, and makes every file of \
+         the report anew. On the signature alone stand: the configuration of the log, {WISHES} with the \
+         books, the decisions on the flight, and {EARLIER}. Step by step:\n\n\
          \x20   minisign -V -p KEY.pub -m {SUMS}          the list is signed\n\
          \x20   sha256sum --check {SUMS}                   every file is as listed\n\
          \x20   stockpilot replay {log_name} --verify      every result of the flight again\n\n\
-         KEY.pub must come from the signer, not from this folder. The program from its source, at the commit \
-         that the build names: cargo build --release --locked -p stockpilot, then target/release/stockpilot.\n",
+         KEY.pub must come from the signer, not from this folder. {source}: cargo build --release --locked -p \
+         stockpilot, then target/release/stockpilot.\n",
         flight.version,
-        build_identity()
     )
 }

@@ -53,3 +53,30 @@ fn another_key_is_told() {
     let findings = verify(&pack, Some(&b.public)).expect("a verification").findings;
     assert!(matches!(findings[..], [Finding::BadSignature(_)]), "{findings:?}");
 }
+
+#[test]
+fn a_log_outside_of_the_pack_is_not_read() {
+    let folder = tempfile::tempdir().expect("a folder");
+    make_key(&folder.path().join("a.key")).expect("a key");
+    let key = AuditKey::read(&folder.path().join("a.key")).expect("a key");
+    let pack = folder.path().join("pack");
+    std::fs::create_dir(&pack).expect("a folder");
+    // There is such a file, and the signer has signed all that lies in the pack.
+    std::fs::write(folder.path().join("x.mcap"), "no log").expect("a file");
+    let volumes = "{\"log\":\"../x.mcap\",\"version\":\"\",\"flown_with\":\"\",\
+                   \"packed_with\":\"\",\"volumes\":[]}";
+    let wishes = "{\"flight\":1,\"target_percent\":2.0,\"target_least_m3\":0.5,\"risk\":0.05,\
+                  \"independent\":[],\"books\":[]}";
+    let mut sums = String::new();
+    for (name, text) in [(VOLUMES, volumes), (WISHES, wishes), (CONFIG, ""), (PUBLIC_KEY, "")] {
+        std::fs::write(pack.join(name), text).expect("a file");
+        let sum = crate::export::sha256_of_bytes(text.as_bytes());
+        sums.push_str(&format!("{sum}  {name}\n"));
+    }
+    std::fs::write(pack.join(SUMS), &sums).expect("a file");
+    let signature = key.sign(sums.as_bytes(), "").expect("a signature");
+    std::fs::write(pack.join(SIGNATURE), signature).expect("a file");
+    let found = verify(&pack, Some(&key.public)).expect("a verification");
+    assert_eq!(found.findings, [Finding::Missing("../x.mcap".to_owned())]);
+    assert!(found.volumes.is_none());
+}

@@ -1,8 +1,13 @@
 //! Checking a pack.
 
-use super::pack::{PackedVolume, PackedVolumes};
-use super::{AuditError, CONFIG, PUBLIC_KEY, SIGNATURE, SUMS, VOLUMES, at, read_public_key};
+use super::pack::{PackedVolume, PackedVolumes, made_files};
+use super::wishes::PackedWishes;
+use super::{
+    AuditError, CONFIG, EARLIER, PUBLIC_KEY, SIGNATURE, SUMS, VOLUMES, WISHES, at, read_public_key,
+};
 use crate::export::sha256_of_file;
+use crate::record::review_file;
+use crate::report::Facts;
 use crate::survey::{Flight, Reproduction};
 use minisign::{PublicKey, SignatureBox};
 use std::collections::BTreeSet;
@@ -26,6 +31,10 @@ pub enum Finding {
     OtherConfiguration,
     /// The volumes are not those of the log, to the last bit.
     OtherVolumes(String),
+    /// A file of the report is not what this build makes of the log and the wishes.
+    NotMadeOfLog(String),
+    /// A file is signed, but nothing that belongs to a pack.
+    Foreign(String),
     /// This build does not compute the recorded volumes again.
     NotReproduced(String),
 }
@@ -42,6 +51,10 @@ impl fmt::Display for Finding {
             Self::OtherVolumes(name) => {
                 write!(f, "{VOLUMES}: the volumes of {name} are not the log's")
             }
+            Self::NotMadeOfLog(name) => {
+                write!(f, "{name} is not what this build makes of the log and {WISHES}")
+            }
+            Self::Foreign(name) => write!(f, "{name} is signed, but no file of a pack"),
             Self::NotReproduced(build) => {
                 write!(f, "this build does not compute the same; it was flown with {build}")
             }
@@ -62,7 +75,7 @@ pub struct Verification {
     pub key_is_from_pack: bool,
 }
 
-/// Checks a pack: signature, every file, and the volumes, computed again from the log.
+/// Checks a pack: signature, every file, and the volumes and the report, made again from the log.
 ///
 /// With a finding about the files nothing is computed: the log is not trusted. Without a public key
 /// the pack's own is taken, which says that nothing was changed since the signing, not who signed.
@@ -85,7 +98,8 @@ pub fn verify(folder: &Path, public_key: Option<&PublicKey>) -> Result<Verificat
     }
     let (listed, n_files) = check_files(folder, &sums, &mut findings);
     check_added(folder, &listed, &mut findings)?;
-    let volumes = if findings.is_empty() { recompute(folder, &mut findings)? } else { None };
+    let volumes =
+        if findings.is_empty() { recompute(folder, &listed, &mut findings)? } else { None };
     Ok(Verification { findings, n_files, volumes, key_is_from_pack: public_key.is_none() })
 }
 
@@ -141,19 +155,51 @@ fn check_added(
     Ok(())
 }
 
-/// Flies the log again and compares volumes and configuration to the last bit.
+/// Flies the log again, makes every file anew, and compares to the last byte.
 fn recompute(
     folder: &Path,
+    listed: &BTreeSet<String>,
     findings: &mut Vec<Finding>,
 ) -> Result<Option<PackedVolumes>, AuditError> {
+    for name in [VOLUMES, WISHES, CONFIG, PUBLIC_KEY] {
+        if !listed.contains(name) {
+            findings.push(Finding::Missing(name.to_owned()));
+        }
+    }
+    if !findings.is_empty() {
+        return Ok(None);
+    }
     let packed: PackedVolumes = serde_json::from_slice(&read(folder, VOLUMES)?)?;
-    let flight = Flight::read(&folder.join(&packed.log))?;
+    let wishes: PackedWishes = serde_json::from_slice(&read(folder, WISHES)?)?;
+    // Names in the list are files of the folder; any other name may lead out of it.
+    let logs = [Some(packed.log.as_str()), wishes.against.as_ref().map(|_| EARLIER)];
+    let absent = logs.into_iter().flatten().find(|name| !listed.contains(*name));
+    if let Some(name) = absent {
+        findings.push(Finding::Missing(name.to_owned()));
+        return Ok(None);
+    }
+    let log = folder.join(&packed.log);
+    let flight = Flight::read_one(&log, Some(wishes.flight))?;
     if flight.reproduction != Reproduction::Identical {
         findings.push(Finding::NotReproduced(flight.build.clone()));
     }
     if read(folder, CONFIG)? != flight.config_toml.as_bytes() {
         findings.push(Finding::OtherConfiguration);
     }
+    compare_volumes(&flight, &packed, findings);
+    if findings.is_empty() {
+        let facts =
+            Facts::reported_by(packed.packed_with.clone(), flight, wishes.unpacked(folder)?)?;
+        let sha256 = sha256_of_file(&log).map_err(at(&log))?;
+        let made = made_files(&facts, &sha256, &packed.log)?;
+        let given = [&packed.log, WISHES, PUBLIC_KEY, EARLIER].map(str::to_owned);
+        let review = review_file(Path::new(&packed.log)).display().to_string();
+        compare_files(folder, (listed, &made), (&given, &review), findings)?;
+    }
+    Ok(findings.is_empty().then_some(packed))
+}
+
+fn compare_volumes(flight: &Flight, packed: &PackedVolumes, findings: &mut Vec<Finding>) {
     let computed: Vec<PackedVolume> = flight.accounts.iter().map(PackedVolume::from).collect();
     if computed.len() != packed.volumes.len() {
         findings.push(Finding::OtherVolumes("some bays".to_owned()));
@@ -167,5 +213,28 @@ fn recompute(
             findings.push(Finding::OtherVolumes(packed.name.clone()));
         }
     }
-    Ok(findings.is_empty().then_some(packed))
+}
+
+/// Every file that can be made is there and equal, and beside those only what they are made of.
+fn compare_files(
+    folder: &Path,
+    (listed, made): (&BTreeSet<String>, &[(String, Vec<u8>)]),
+    (given, review): (&[String], &str),
+    findings: &mut Vec<Finding>,
+) -> Result<(), AuditError> {
+    for (name, bytes) in made {
+        if !listed.contains(name) {
+            findings.push(Finding::Missing(name.clone()));
+        } else if read(folder, name)? != *bytes {
+            findings.push(Finding::NotMadeOfLog(name.clone()));
+        }
+    }
+    let is_of_pack = |name: &&String| {
+        made.iter().any(|(made, _)| made == *name)
+            || given.contains(name)
+            || name.as_str() == review
+    };
+    let foreign = listed.iter().filter(|name| !is_of_pack(name)).cloned();
+    findings.extend(foreign.map(Finding::Foreign));
+    Ok(())
 }

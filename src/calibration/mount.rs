@@ -103,6 +103,29 @@ pub struct Found {
     pub halves_z: f64,
 }
 
+/// Halves of a flight that differ by more σ contradict each other: by chance it happens in one axis of 370.
+const CONTRADICTION_Z: f64 = 3.0;
+/// Up to so many σ they agree.
+const AGREEMENT_Z: f64 = 2.0;
+
+impl Found {
+    /// The halves of the flight contradict each other: what was found is the mean of two things, and no σ tells how wrong.
+    ///
+    /// Also of an axis that was not seen: halves far apart make its σ so large that it counts as such.
+    #[must_use]
+    pub fn contradicts_itself(&self) -> bool {
+        self.halves_z.abs() > CONTRADICTION_Z
+    }
+
+    /// The standard deviation with what the halves say: as far apart as `z` σ instead of the 2 σ of chance, they make it
+    /// larger by `z`/2.
+    #[must_use]
+    pub fn sigma_by_halves(&self) -> f64 {
+        let factor = if self.is_seen { (self.halves_z.abs() / AGREEMENT_Z).max(1.0) } else { 1.0 };
+        factor * self.sigma
+    }
+}
+
 /// How a face was met.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FaceReport {

@@ -8,16 +8,19 @@
 //! A detector that is slower than the camera leaves pictures out, the older ones, and counts them.
 //! A folder waits instead. A source that fails is opened again every second.
 
+pub mod devices;
 mod driver;
 mod folder;
 mod luma;
 mod slot;
 mod source;
+mod stamp;
 mod stream;
 mod v4l2;
 
 pub use driver::ImageDriver;
-pub use luma::{LumaLayout, choose_layout};
+pub use luma::{LumaLayout, OfferedFormat, choose_layout};
+pub(crate) use luma::{is_known, known_names, name_of};
 
 use super::line::Refusal;
 use super::tag_finder::{self, TagFinderError};
@@ -59,8 +62,11 @@ pub struct Settings {
     pub size_px: [u32; 2],
     /// Where its pictures come from.
     pub source: Source,
-    /// From the middle of the exposure to the arrival of the picture here, for pictures that carry no stamp.
-    pub stamp_delay: Duration,
+    /// Time from the readout of the first row to that of the last; zero for a global shutter.
+    pub readout: Duration,
+    /// For pictures that carry no stamp: from the middle of the exposure to their arrival here. Where the kernel stamps
+    /// them: how much later still its stamps are than they say.
+    pub stamp_delay: Option<Duration>,
     /// The detector.
     pub detector: tag_finder::Settings,
 }
@@ -116,7 +122,22 @@ pub enum PictureError {
     /// The stamp cannot be.
     #[error(transparent)]
     Stamp(#[from] Refusal),
-    /// The camera offers nothing that holds brightness uncompressed.
+    /// A JPEG that cannot be read.
+    #[error("JPEG is damaged: {cause}")]
+    Jpeg {
+        /// What the decoder says.
+        cause: String,
+    },
+    /// Nobody knows when this device's pictures were taken.
+    #[error(
+        "the driver of {} does not stamp by the monotonic clock: stamp_delay_ms must say how late its \
+         pictures arrive", device.display()
+    )]
+    NoStamp {
+        /// The device.
+        device: PathBuf,
+    },
+    /// The camera offers nothing that is understood here.
     #[error("{device} offers {offered:?} at {size_px:?} px; needed is one of {needed:?}")]
     NoFormat {
         /// The device.

@@ -31,6 +31,18 @@ pub struct BaySection {
     /// Its standard deviation, t/m³; exact if left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub density_sigma_t_per_m3: Option<f64>,
+    /// How the density was found, in words for the report.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub density_source: Option<String>,
+    /// When, year-month-day.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub density_date: Option<String>,
+    /// How moist the material was then, in words for the report.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub moisture: Option<String>,
+    /// What lies there; its id in reports and books is made from this.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub material: Option<String>,
 }
 
 /// The base under a bay.
@@ -178,6 +190,7 @@ impl Config {
         }
         let bay = |(index, section): (usize, &BaySection)| {
             let key = format!("bays[{index}]");
+            check_words(&key, section)?;
             Ok(Bay {
                 name: section.name.clone(),
                 outline: polygon(&format!("{key}.polygon_m"), &section.polygon_m)?,
@@ -246,6 +259,32 @@ fn footprint(key: &str, section: &ExclusionSection) -> Result<Footprint, ConfigE
             polygon(&format!("{key}.polygon_m"), corners).map(Footprint::Polygon)
         }
         _ => Err(invalid(key, "give either rect or polygon_m")),
+    }
+}
+
+/// Checks what is said of the density and its material.
+fn check_words(key: &str, section: &BaySection) -> Result<(), ConfigError> {
+    let of_density = [
+        ("density_source", &section.density_source),
+        ("density_date", &section.density_date),
+        ("moisture", &section.moisture),
+    ];
+    for (name, value) in of_density.into_iter().chain([("material", &section.material)]) {
+        let Some(value) = value else { continue };
+        let of = format!("{key}.{name}");
+        if value.trim().is_empty() || value.chars().any(char::is_control) {
+            return Err(invalid(&of, "is empty or holds a control character"));
+        }
+        if name != "material" && section.density_t_per_m3.is_none() {
+            return Err(invalid(&of, "there is no density_t_per_m3 that it belongs to"));
+        }
+    }
+    match &section.density_date {
+        Some(date) if date.parse::<jiff::civil::Date>().is_err() => {
+            let key = format!("{key}.density_date");
+            Err(invalid(&key, format!("{date:?} is no date such as 2026-03-01")))
+        }
+        _ => Ok(()),
     }
 }
 

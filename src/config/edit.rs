@@ -6,7 +6,7 @@ use crate::geometry::{Body, Lidar, Transform};
 use atomic_write_file::AtomicWriteFile;
 use std::fs;
 use std::io::{self, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use toml_edit::{Array, DocumentMut, InlineTable, Item, Table, Value, value};
 
 /// A mounting with how well it is known.
@@ -44,6 +44,35 @@ pub fn write_clock(path: &Path, offset_s: f64, sigma_s: f64) -> Result<(), Confi
         uncertainty_of(document)["clock_offset_sigma_ms"] = value(sigma_ms);
     })?;
     replace(path, &edited).map_err(unreadable)
+}
+
+/// Writes where the surveyed markers stand, beside the configuration if they do, and how well their places are known, 1σ, m.
+///
+/// # Errors
+/// As [`write_mount`]; a tag of the file that stands in the configuration itself, too: nothing would say which place
+/// counts.
+pub fn write_markers(path: &Path, markers: &Path, sigma_m: f64) -> Result<(), ConfigError> {
+    let unreadable = |source: io::Error| ConfigError::Unreadable { path: path.to_owned(), source };
+    let text = fs::read_to_string(path).map_err(unreadable)?;
+    let named = beside(path, markers).map_err(unreadable)?;
+    let edited = edited(&text, path, |document| {
+        let section = document.entry("markers").or_insert_with(|| Item::Table(Table::new()));
+        section["file"] = value(named.to_string_lossy().into_owned());
+        // No σ at all would call the places exact.
+        let sigma_m = to_step(sigma_m, 1e-4).max(1e-4);
+        uncertainty_of(document)["marker_sigma_m"] = value(sigma_m);
+    })?;
+    // With the files that it names, as a start would read it.
+    let directory = path.parent().unwrap_or(Path::new(""));
+    Config::from_toml(&edited, path)?.with_files_read(directory)?.marker_map()?;
+    replace(path, &edited).map_err(unreadable)
+}
+
+/// The name of a file for a configuration: without its folder if that is the configuration's own.
+fn beside(config: &Path, file: &Path) -> io::Result<PathBuf> {
+    let (config, file) = (fs::canonicalize(config)?, fs::canonicalize(file)?);
+    let inside = config.parent().and_then(|folder| file.strip_prefix(folder).ok());
+    Ok(inside.map_or_else(|| file.clone(), Path::to_owned))
 }
 
 /// What a wall at taped distances has shown of the ranges.
@@ -235,6 +264,34 @@ mod tests {
         let edited = with_range(EXAMPLE, Path::new("example"), &less).expect("edited");
         let changed = EXAMPLE.lines().zip(edited.lines()).filter(|(a, b)| a != b).count();
         assert_eq!(changed, 3);
+    }
+
+    #[test]
+    fn surveyed_markers_are_named_beside_the_file_with_their_sigma() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let (path, markers) =
+            (folder.path().join("hall.toml"), folder.path().join("surveyed.toml"));
+        let tag = "[[tags]]\nfamily = \"36h11\"\nid = 40\ncorners_m = [[22.0, 10.25, 2.0], \
+                   [22.0, 9.75, 2.0], [22.0, 9.75, 2.5], [22.0, 10.25, 2.5]]\n";
+        fs::write(&path, EXAMPLE).expect("written");
+        fs::write(&markers, tag).expect("written");
+        write_markers(&path, &markers, 0.00234).expect("edited");
+        let config = super::super::load(&path, &[]).expect("valid");
+        assert!((config.surface.uncertainty.marker_sigma_m - 0.0023).abs() < 1e-12);
+        assert!(config.tags.iter().any(|tag| tag.id == 40), "the file is read");
+        let text = fs::read_to_string(&path).expect("read");
+        assert!(text.contains("file = \"surveyed.toml\""), "{text}");
+        // A map that is known without error is not known at all.
+        write_markers(&path, &markers, 0.0).expect("edited");
+        let config = super::super::load(&path, &[]).expect("valid");
+        assert!((config.surface.uncertainty.marker_sigma_m - 1e-4).abs() < 1e-12);
+
+        // The example has a tag 0 of its own.
+        let before = fs::read_to_string(&path).expect("read");
+        fs::write(&markers, tag.replace("id = 40", "id = 0")).expect("written");
+        let refusal = write_markers(&path, &markers, 0.002).expect_err("twice");
+        assert!(refusal.to_string().contains('0'), "{refusal}");
+        assert_eq!(fs::read_to_string(&path).expect("read"), before);
     }
 
     #[test]

@@ -30,8 +30,9 @@ pub struct ImagesSection {
     pub source: SourceName,
     /// The device, folder or socket.
     pub path: PathBuf,
-    /// From the middle of the exposure of the middle row to the arrival of a picture that carries
-    /// no stamp, ms. A video device's pictures carry none.
+    /// For pictures that carry no stamp: from the middle of the exposure of the middle row to the arrival, ms. A
+    /// video device's pictures are stamped by the kernel, and this is taken off its stamps beside half
+    /// the exposure and half the readout; 0 if left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stamp_delay_ms: Option<f64>,
     /// Frames asked of a video device, 1/s.
@@ -113,15 +114,9 @@ impl ImagesSection {
         })
     }
 
-    fn stamp_delay(&self, key: &dyn Fn(&str) -> String) -> Result<Duration, ConfigError> {
-        match self.stamp_delay_ms {
-            Some(delay_ms) => milliseconds(&key("stamp_delay_ms"), delay_ms),
-            None if self.source == SourceName::V4l2 => Err(invalid(
-                &key("stamp_delay_ms"),
-                "is missing: nobody else knows how late this camera's pictures arrive",
-            )),
-            None => Ok(Duration::ZERO),
-        }
+    fn stamp_delay(&self, key: &dyn Fn(&str) -> String) -> Result<Option<Duration>, ConfigError> {
+        let delay = self.stamp_delay_ms.map(|ms| milliseconds(&key("stamp_delay_ms"), ms));
+        delay.transpose()
     }
 }
 
@@ -143,6 +138,7 @@ impl Config {
             all.push(images::Settings {
                 camera: CameraId(number),
                 size_px: section.intrinsics(index)?.size_px,
+                readout: section.model(index)?.readout,
                 source: images.source(&key)?,
                 stamp_delay: images.stamp_delay(&key)?,
                 detector: detector.clone(),
@@ -167,15 +163,16 @@ mod tests {
     }
 
     #[test]
-    fn a_video_device_needs_its_delay_and_gets_its_exposure() {
+    fn a_video_device_gets_its_exposure_and_a_delay_only_if_it_is_told() {
         let key = |name: &str| name.to_owned();
         let bare = section(SourceName::V4l2);
-        assert!(bare.stamp_delay(&key).unwrap_err().to_string().contains("stamp_delay_ms"));
+        assert_eq!(bare.stamp_delay(&key).unwrap(), None);
         let told = ImagesSection { stamp_delay_ms: Some(21.5), ..bare };
-        assert_eq!(told.stamp_delay(&key).unwrap(), Duration::from_micros(21_500));
+        assert_eq!(told.stamp_delay(&key).unwrap(), Some(Duration::from_micros(21_500)));
+        let negative = ImagesSection { stamp_delay_ms: Some(-1.0), ..told.clone() };
+        assert!(negative.stamp_delay(&key).unwrap_err().to_string().contains("stamp_delay_ms"));
         let Source::V4l2 { exposure, .. } = told.source(&key).unwrap() else { panic!() };
         assert_eq!(exposure, Some(Duration::from_millis(4)));
-        assert_eq!(section(SourceName::Folder).stamp_delay(&key).unwrap(), Duration::ZERO);
     }
 
     #[test]

@@ -42,7 +42,7 @@ pub fn load(path: &Path, overrides: &[String]) -> Result<Config, ConfigError> {
 impl Config {
     /// The same configuration with the contents of the calibrations and marker files that it names
     /// in place of their names, so that it stands for itself in the log.
-    fn with_files_read(mut self, directory: &Path) -> Result<Self, ConfigError> {
+    pub(super) fn with_files_read(mut self, directory: &Path) -> Result<Self, ConfigError> {
         let cameras = self.cameras.into_iter().enumerate();
         let cameras = cameras.map(|(k, camera)| camera.with_file_read(k, directory));
         self.cameras = cameras.collect::<Result<_, _>>()?;

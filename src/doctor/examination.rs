@@ -2,7 +2,8 @@
 
 use super::cameras::OwnCameras;
 use super::ports::port;
-use super::{Check, Report, Verdict, judge, serial_ports};
+use super::{Check, Report, Verdict, judge, serial_ports, video_checks};
+use crate::camera::images::devices::video_devices;
 use crate::camera::{CameraStats, Listener};
 use crate::config::Config;
 use crate::lidar::{Driver, LidarHealth, LidarStatus, Settings};
@@ -39,7 +40,7 @@ impl Default for Patience {
 /// What is examined, and by which clock.
 #[derive(Debug)]
 pub struct Examination<'a> {
-    /// Everything that is configured; without it only ports and sensors are looked at.
+    /// Everything that is configured; without it only ports, video devices and sensors are looked at.
     pub config: Option<&'a Config>,
     /// Look at the LiDAR on this port only.
     pub port: Option<PathBuf>,
@@ -57,6 +58,10 @@ impl Examination<'_> {
         let mut checks = Vec::new();
         let ports = serial_ports();
         checks.extend(ports.iter().map(super::SerialPort::check));
+        // What is configured is tried out below; the list is for who still has to write it.
+        if self.config.is_none() {
+            checks.extend(video_checks(&video_devices()));
+        }
         match self.config {
             Some(config) => checks.extend(Box::pin(self.configured(config)).await),
             None => {

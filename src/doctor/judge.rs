@@ -3,7 +3,7 @@
 use super::{Check, Verdict};
 use crate::camera::CameraStats;
 use crate::camera::images::ImageStats;
-use crate::lidar::{LidarHealth, LidarStatus, Model};
+use crate::lidar::{Family, Identity, LidarHealth, LidarStatus, Model};
 use crate::link::LinkBudget;
 use crate::messages::TakeOff;
 use crate::service::ServiceStatus;
@@ -13,6 +13,11 @@ use std::time::Duration;
 const RATE_TOLERANCE: f64 = 0.1;
 /// Turns of the head that sensors of these families work at, 1/s.
 const TURNS_HZ: std::ops::RangeInclusive<f64> = 4.0..=45.0;
+/// Hokuyo sensors look through three quarters of the turn at most, one through 240 of 360 degrees, and this share of their
+/// samples comes at least.
+const HOKUYO_SHARE: f64 = 0.64;
+/// Samples in a thousand that may be missing: more is a line that loses bytes.
+const MISSING_PERMILLE: f64 = 5.0;
 /// Refused frames in a thousand that a good line may have.
 const REFUSED_PERMILLE: f64 = 2.0;
 /// Frames that detectors should deliver at least, 1/s.
@@ -63,12 +68,8 @@ fn lidar_identity(status: &LidarStatus, expected: Option<Model>) -> Check {
 fn lidar_rate(status: &LidarStatus) -> Check {
     let rates = status.rates;
     let found = format!("{:.0} samples/s, {:.1} turns/s", rates.samples_hz, rates.turns_hz);
-    let model = status.identity.as_ref().and_then(|identity| identity.model);
-    let spec_hz = model.map(|model| f64::from(model.samples_per_s()));
-    let is_slow = spec_hz.is_some_and(|hz| {
-        // Hokuyo sensors look through three quarters of the turn only.
-        rates.samples_hz < 0.64 * hz * (1.0 - RATE_TOLERANCE)
-    });
+    let expected_hz = status.identity.as_ref().and_then(expected_samples_hz);
+    let is_slow = expected_hz.is_some_and(|hz| rates.samples_hz < hz * (1.0 - RATE_TOLERANCE));
     if !TURNS_HZ.contains(&rates.turns_hz) {
         return Check::with_cure(
             "lidar rate",
@@ -77,15 +78,27 @@ fn lidar_rate(status: &LidarStatus) -> Check {
             "see whether the head turns freely and whether its supply gives an ampere at the start",
         );
     }
-    if is_slow {
+    if let Some(hz) = expected_hz.filter(|_| is_slow) {
         return Check::with_cure(
             "lidar rate",
             Verdict::Warn,
-            found,
+            format!("{found}; {hz:.0} samples/s should come"),
             "another USB port without a hub, a shorter cable; `lidar line` tells what was lost",
         );
     }
     Check::good("lidar rate", found)
+}
+
+/// How many samples of this sensor should come in a second: as its mode says, otherwise as its data sheet does.
+fn expected_samples_hz(identity: &Identity) -> Option<f64> {
+    let of_mode = identity.sample_period.map(|period| period.as_secs_f64().recip());
+    let of_model = || {
+        // What tells its own rate has none in the list.
+        let model = identity.model.filter(|model| *model != Model::HokuyoScip2)?;
+        let share = if model.family() == Family::Hokuyo { HOKUYO_SHARE } else { 1.0 };
+        Some(share * f64::from(model.samples_per_s()))
+    };
+    of_mode.or_else(of_model)
 }
 
 fn lidar_line(status: &LidarStatus) -> Check {
@@ -93,8 +106,12 @@ fn lidar_line(status: &LidarStatus) -> Check {
     #[expect(clippy::cast_precision_loss, reason = "counts of some seconds")]
     let permille = 1e3 * stats.checksum_errors as f64 / (stats.frames.max(1)) as f64;
     let found = format!(
-        "{} frames, {} refused, {} samples missing, {} beams lost",
-        stats.frames, stats.checksum_errors, stats.missing_samples, stats.lost_beams
+        "{} frames, {} refused, {} samples missing, {} beams lost, clock begun anew {} times",
+        stats.frames,
+        stats.checksum_errors,
+        stats.missing_samples,
+        stats.lost_beams,
+        stats.clock_restarts
     );
     if permille > REFUSED_PERMILLE {
         return Check::with_cure(
@@ -102,6 +119,27 @@ fn lidar_line(status: &LidarStatus) -> Check {
             Verdict::Warn,
             found,
             "keep the cable short and away from motor leads, and give the sensor its own 5 V",
+        );
+    }
+    let n_samples = stats.beams + stats.lost_beams + stats.missing_samples;
+    #[expect(clippy::cast_precision_loss, reason = "counts of some seconds")]
+    let missing_permille = 1e3 * stats.missing_samples as f64 / n_samples.max(1) as f64;
+    if missing_permille > MISSING_PERMILLE {
+        return Check::with_cure(
+            "lidar line",
+            Verdict::Warn,
+            format!("{found}: {:.1} % of its samples never come", missing_permille / 10.0),
+            "a USB port of its own without a hub, a shorter cable, the right baud; a UART needs its hardware \
+             FIFO (`stty -F DEVICE`), and nothing else may read the port (`fuser -v DEVICE`)",
+        );
+    }
+    if stats.lost_beams > 0 {
+        return Check::with_cure(
+            "lidar line",
+            Verdict::Warn,
+            found,
+            "this computer is too slow for what runs on it: see `top`, stop other programs, plan and solve \
+             less often, build with --release",
         );
     }
     Check::good("lidar line", found)
@@ -125,6 +163,13 @@ fn lidar_fault(health: &LidarHealth, baud: u32) -> Check {
             "write `model = \"auto\"` into [lidar] without a baud, or the model on its label; if it \
              has worked before, another cable"
                 .to_owned(),
+        ),
+        LidarHealth::Unknown { name, baud } => (
+            format!("{name} answers at {baud} bit/s and is none that can be chosen by itself"),
+            format!(
+                "write the model with the same rate and range into [lidar], and `baud = {baud}`; \
+                 then `stockpilot lidar check`"
+            ),
         ),
         LidarHealth::Stalled => (
             "beams come, but its head stands still".to_owned(),
@@ -345,9 +390,19 @@ mod tests {
         assert_eq!(verdicts(&held, None), [Good, Bad, Good]);
         let stats = LidarStats { frames: 1000, checksum_errors: 20, ..LidarStats::default() };
         assert_eq!(verdicts(&LidarStatus { stats, ..good.clone() }, None), [Good, Good, Warn]);
+        let checks = |stats| lidar(&LidarStatus { stats, ..good.clone() }, None);
+        let counted = LidarStats { frames: 1000, beams: 10_000, ..LidarStats::default() };
+        // 0.5 % of 10 000 and the missing ones are 50.
+        assert_eq!(checks(LidarStats { missing_samples: 50, ..counted })[2].verdict, Good);
+        let thin = &checks(LidarStats { missing_samples: 60, ..counted })[2];
+        assert_eq!(thin.verdict, Warn);
+        assert!(thin.found.ends_with("0.6 % of its samples never come"), "{}", thin.found);
+        let full = &checks(LidarStats { lost_beams: 1, ..counted })[2];
+        assert!(full.verdict == Warn && full.cure.as_ref().unwrap().contains("too slow"));
         for health in [
             LidarHealth::Silent,
             LidarHealth::NoFrames { baud: 9600 },
+            LidarHealth::Unknown { name: "YDLIDAR model 19".into(), baud: 230_400 },
             LidarHealth::Stalled,
             LidarHealth::Starting,
         ] {
@@ -355,6 +410,31 @@ mod tests {
             assert_eq!(checks.len(), 1);
             assert!(checks[0].verdict == Bad && checks[0].cure.is_some());
         }
+    }
+
+    /// The S2 has 32 000 samples/s on its label, 16 000 in one of its modes; a UTM-30LX looks through 1080 of
+    /// 1440 steps at 40 turns/s.
+    #[test]
+    fn a_rate_is_held_against_the_mode_that_runs() {
+        let verdict = |model: Model, samples_hz: f64, period_us: Option<f64>| {
+            let mut status = streaming(model);
+            status.rates.samples_hz = samples_hz;
+            let period = period_us.map(|us| Duration::from_secs_f64(1e-6 * us));
+            status.identity.as_mut().unwrap().sample_period = period;
+            lidar(&status, None)[1].verdict
+        };
+        let hz = |model: Model| f64::from(model.samples_per_s());
+        for lost in [0.42, 0.2, 0.11] {
+            for model in [Model::Ld19, Model::RplidarS2, Model::YdlidarX4] {
+                assert_eq!(verdict(model, (1.0 - lost) * hz(model), None), Verdict::Warn);
+            }
+        }
+        assert_eq!(verdict(Model::Ld19, 0.92 * 4500.0, None), Verdict::Good);
+        assert_eq!(verdict(Model::RplidarS2, 15_900.0, Some(62.5)), Verdict::Good);
+        assert_eq!(verdict(Model::RplidarS2, 12_000.0, Some(62.5)), Verdict::Warn);
+        let hokuyo = Model::HokuyoUtm30lx;
+        assert_eq!(verdict(hokuyo, 1080.0 * 40.0, None), Verdict::Good);
+        assert_eq!(verdict(hokuyo, 0.5 * 1080.0 * 40.0, None), Verdict::Warn);
     }
 
     #[test]

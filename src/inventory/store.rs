@@ -1,58 +1,35 @@
 //! The database.
 
-use super::{InventoryError, ids};
+use super::{InventoryError, tables};
 use crate::config::Config;
 use crate::export::sha256_of_file;
 use crate::messages::VolumeAccount;
-use crate::record::{accounts_from_json, accounts_to_json, read_accounts, read_times};
-use crate::survey::Survey;
+use crate::record::{
+    Decision, SurveyPlace, accounts_from_json, accounts_to_json, read_accounts_of, read_decision,
+};
+use crate::survey::{Origin, Survey, ids};
 use rusqlite::{Connection, OptionalExtension as _, Transaction, TransactionBehavior, params};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// The form of the tables, kept in the file's `user_version`.
-const VERSION: i64 = 1;
 /// Another program that writes is waited for so long.
 const PATIENCE: Duration = Duration::from_secs(10);
-
-const TABLES: &str = "
-    CREATE TABLE hall (
-        id TEXT PRIMARY KEY,
-        name TEXT NOT NULL UNIQUE
-    ) STRICT;
-    CREATE TABLE bay (
-        id TEXT PRIMARY KEY,
-        hall_id TEXT NOT NULL REFERENCES hall(id),
-        name TEXT NOT NULL,
-        UNIQUE (hall_id, name)
-    ) STRICT;
-    CREATE TABLE survey (
-        id TEXT PRIMARY KEY,
-        hall_id TEXT NOT NULL REFERENCES hall(id),
-        log_sha256 TEXT NOT NULL UNIQUE,
-        log_path TEXT NOT NULL,
-        started_utc TEXT,
-        version TEXT NOT NULL,
-        build TEXT NOT NULL,
-        config_toml TEXT NOT NULL
-    ) STRICT;
-    CREATE TABLE volume (
-        survey_id TEXT NOT NULL REFERENCES survey(id),
-        bay_id TEXT NOT NULL REFERENCES bay(id),
-        position INTEGER NOT NULL,
-        volume_m3 REAL NOT NULL,
-        sigma_m3 REAL NOT NULL,
-        mass_t REAL,
-        mass_sigma_t REAL,
-        account_json TEXT NOT NULL,
-        PRIMARY KEY (survey_id, bay_id)
-    ) STRICT;
-";
 
 /// The open books.
 #[derive(Debug)]
 pub struct Inventory {
     database: Connection,
+}
+
+/// What the log of a survey does not say.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct AddOptions {
+    /// Which survey of the log; the last if none is named.
+    pub number: Option<usize>,
+    /// It is added even if a person has rejected it.
+    pub although_rejected: bool,
+    /// Errors that it does not share with earlier surveys although the configurations are equal.
+    pub independent: Vec<Origin>,
 }
 
 /// What became of a log.
@@ -62,11 +39,15 @@ pub enum Added {
     New {
         /// The survey's id.
         id: String,
+        /// Which survey of its log it is.
+        place: SurveyPlace,
     },
     /// It was there already; nothing was changed.
     Known {
         /// The survey's id.
         id: String,
+        /// Which survey of its log it is.
+        place: SurveyPlace,
     },
 }
 
@@ -81,7 +62,11 @@ pub struct StoredSurvey {
     pub hall_id: String,
     /// SHA-256 of its log.
     pub log_sha256: String,
-    /// When its log began, RFC 3339 in UTC, if that was noted.
+    /// Which survey of the log it is, from 1.
+    pub number: usize,
+    /// Errors that it does not share with earlier surveys although the configurations are equal.
+    pub independent: Vec<Origin>,
+    /// When it began, RFC 3339 in UTC, if that was noted.
     pub started_utc: Option<String>,
     /// Build that flew.
     pub build: String,
@@ -99,65 +84,75 @@ impl Inventory {
         database.busy_timeout(PATIENCE)?;
         // A commit is on the disk when it is told.
         database.pragma_update(None, "synchronous", "FULL")?;
-        database.pragma_update(None, "foreign_keys", true)?;
-        let begun = database.transaction_with_behavior(TransactionBehavior::Immediate)?;
-        let found: i64 = begun.pragma_query_value(None, "user_version", |row| row.get(0))?;
-        match found {
-            0 => {
-                begun.execute_batch(TABLES)?;
-                begun.pragma_update(None, "user_version", VERSION)?;
-                begun.commit()?;
-            }
-            VERSION => drop(begun),
-            _ => return Err(InventoryError::Version { found, known: VERSION }),
-        }
+        tables::bring_up(&mut database)?;
         Ok(Self { database })
     }
 
-    /// Adds a log's survey to a hall, unless it is there already.
+    /// Adds a survey of a log to a hall, unless it is there already.
     ///
     /// # Errors
-    /// A log without a result after a landing, or books that cannot be written.
-    pub fn add(&mut self, hall: &str, log: &Path) -> Result<Added, InventoryError> {
+    /// A log without a result after a landing, a survey that a person has rejected, or books that cannot be
+    /// written.
+    pub fn add(
+        &mut self,
+        hall: &str,
+        log: &Path,
+        options: &AddOptions,
+    ) -> Result<Added, InventoryError> {
         let sum = sha256_of_file(log)
             .map_err(|source| InventoryError::File { path: log.to_owned(), source })?;
-        let id = ids::of_survey(&sum);
-        let read = read_accounts(log)?;
+        let read = read_accounts_of(log, options.number)?;
         if !read.is_final || read.accounts.is_empty() {
             return Err(InventoryError::NotFinal { path: log.to_owned() });
         }
-        let times = read_times(log)?;
+        let decision = read_decision(log, &read.place)?.filter(Decision::is_rejection);
+        if let Some(decision) = decision.filter(|_| !options.although_rejected) {
+            let (path, said) = (log.to_owned(), decision.said());
+            return Err(InventoryError::Rejected { path, said });
+        }
+        let place = read.place.clone();
+        let id = ids::of_survey(&sum, place.number);
+        let number = i64::try_from(place.number).unwrap_or(i64::MAX);
         let change = self.database.transaction_with_behavior(TransactionBehavior::Immediate)?;
         let known: Option<String> = change
-            .query_row("SELECT id FROM survey WHERE log_sha256 = ?1", [&sum], |row| row.get(0))
+            .query_row(
+                "SELECT id FROM survey WHERE log_sha256 = ?1 AND number = ?2",
+                params![sum, number],
+                |row| row.get(0),
+            )
             .optional()?;
         if let Some(id) = known {
-            return Ok(Added::Known { id });
+            return Ok(Added::Known { id, place });
         }
         let hall_id = ids::of_hall(hall);
         change.execute(
             "INSERT OR IGNORE INTO hall (id, name) VALUES (?1, ?2)",
             params![hall_id, hall],
         )?;
+        let independent: Vec<&str> =
+            options.independent.iter().map(|origin| origin.name()).collect();
         change.execute(
-            "INSERT INTO survey (id, hall_id, log_sha256, log_path, started_utc, version, build, config_toml)
-             VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8)",
+            "INSERT INTO survey (id, hall_id, log_sha256, number, log_path, started_utc, version, build,
+                 config_toml, independent)
+             VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10)",
             params![
                 id,
                 hall_id,
                 sum,
+                number,
                 log.display().to_string(),
-                times.started_utc,
-                times.version,
-                times.build,
-                read.config_toml
+                read.started_utc,
+                read.version,
+                read.build,
+                read.config_toml,
+                independent.join(",")
             ],
         )?;
         for (position, account) in (0_i64..).zip(&read.accounts) {
             add_volume(&change, (&id, &hall_id), position, account)?;
         }
         change.commit()?;
-        Ok(Added::New { id })
+        Ok(Added::New { id, place })
     }
 
     /// All surveys, of one hall if it is named, the earliest first; those without a time come last, in
@@ -168,7 +163,8 @@ impl Inventory {
     pub fn surveys(&self, hall: Option<&str>) -> Result<Vec<StoredSurvey>, InventoryError> {
         let mut found = Vec::new();
         let mut query = self.database.prepare(
-            "SELECT survey.id, hall.name, hall.id, log_sha256, log_path, started_utc, build, config_toml
+            "SELECT survey.id, hall.name, hall.id, log_sha256, log_path, started_utc, build, config_toml,
+                 number, independent
              FROM survey JOIN hall ON hall.id = survey.hall_id
              WHERE ?1 IS NULL OR hall.name = ?1
              ORDER BY hall.name, started_utc IS NULL, started_utc, survey.rowid",
@@ -189,6 +185,8 @@ impl Inventory {
                 log_sha256: row.get(3)?,
                 started_utc: row.get(5)?,
                 build: row.get(6)?,
+                number: usize::try_from(row.get::<_, i64>(8)?).unwrap_or(0),
+                independent: origins(&row.get::<_, String>(9)?),
             });
         }
         Ok(found)
@@ -213,6 +211,12 @@ impl Inventory {
     pub fn check(&self) -> Result<String, InventoryError> {
         Ok(self.database.query_row("PRAGMA integrity_check", [], |row| row.get(0))?)
     }
+}
+
+/// The origins in a list of their names.
+fn origins(names: &str) -> Vec<Origin> {
+    let is_named = |origin: &Origin| names.split(',').any(|name| name == origin.name());
+    Origin::ALL.into_iter().filter(is_named).collect()
 }
 
 fn add_volume(

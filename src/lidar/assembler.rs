@@ -1,6 +1,7 @@
 //! Turns packets into stamped scans.
 
 mod frame_clock;
+mod pace;
 
 use super::{Packet, Sample};
 use crate::messages::{Beam, Scan};
@@ -26,7 +27,8 @@ pub struct AssemblerStats {
     pub gaps: u64,
     /// Samples that the sensor took but that never came, as far as its angles and its clock tell.
     pub missing_samples: u64,
-    /// Times that the estimate of the sensor's clock was begun anew after a long pause.
+    /// Times that the estimate of the sensor's clock was begun anew: after a long pause, or because
+    /// arrivals had moved away from it.
     pub clock_restarts: u64,
     /// Turns of the head that were completed.
     pub turns: u64,
@@ -45,8 +47,9 @@ pub struct AssemblerStats {
 /// - `t_delay`: from the last of the `n` samples until the packet leaves the sensor
 /// - `T`: time between two samples
 ///
-/// Late arrivals are bounded by the previous packet plus the stated period, so a stalled reader
-/// bends no stamps. Stamps never go back.
+/// Late arrivals are bounded by the previous packet plus the measured period, so a stalled reader
+/// bends no stamps; if all of half a second is late, the bound was wrong and is moved. Stamps never go
+/// back.
 #[derive(Debug, Clone)]
 pub struct ScanAssembler {
     byte_time: Duration,
@@ -89,9 +92,9 @@ impl ScanAssembler {
             }
         }
         let n_bytes = u32::try_from(packet.n_bytes).unwrap_or(u32::MAX);
-        let on_line = self.byte_time.saturating_mul(n_bytes).saturating_add(packet.delay);
-        let sent_at = packet.received_at.minus(on_line);
-        let last_sample_at = self.clock.last_sample_at(packet, sent_at);
+        let on_line = self.byte_time.saturating_mul(n_bytes);
+        let sent_at = packet.received_at.minus(on_line.saturating_add(packet.delay));
+        let last_sample_at = self.clock.last_sample_at(packet, sent_at, on_line);
         self.stats.clock_restarts = self.clock.restarts();
         let period = self.clock.sample_period();
         let mut n_later = u32::try_from(packet.samples.len()).unwrap_or(u32::MAX);

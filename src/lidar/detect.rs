@@ -45,6 +45,15 @@ pub struct Found {
     pub baud: u32,
 }
 
+/// A sensor that told a name that no driver knows.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Stranger {
+    /// Maker and number.
+    pub name: String,
+    /// The speed of its line, bit/s.
+    pub baud: u32,
+}
+
 #[derive(Debug, Clone)]
 enum Step {
     Do(Probe),
@@ -72,6 +81,7 @@ pub struct Detector {
     ydlidar: PacketParser,
     replies: ReplyReader,
     scip: BlockReader,
+    stranger: Option<Stranger>,
 }
 
 impl Detector {
@@ -95,10 +105,17 @@ impl Detector {
             ydlidar: PacketParser::new(Geometry::Triangle, SampleFormat::Distance),
             replies: ReplyReader::default(),
             scip: BlockReader::default(),
+            stranger: None,
         }
     }
 
-    /// True once everything was tried.
+    /// Who has answered with a name that no driver knows; that ends the search.
+    #[must_use]
+    pub const fn stranger(&self) -> Option<&Stranger> {
+        self.stranger.as_ref()
+    }
+
+    /// True once everything was tried or a stranger has answered.
     #[must_use]
     pub fn is_exhausted(&self) -> bool {
         self.steps.is_empty() && self.waits_until.is_none()
@@ -169,25 +186,39 @@ impl Detector {
     fn answerer(&mut self, bytes: &[u8]) -> Option<Model> {
         self.replies.feed(bytes);
         while let Some(reply) = self.replies.next_reply() {
-            if let Reply::Info(info) = reply {
-                return if self.asked == Asked::Rplidar {
-                    super::rplidar::model_of(&info)
-                } else {
-                    super::ydlidar::model_of(&info)
-                };
+            let Reply::Info(info) = reply else { continue };
+            let (maker, model) = if self.asked == Asked::Rplidar {
+                ("RPLIDAR", super::rplidar::model_of(&info))
+            } else {
+                ("YDLIDAR", super::ydlidar::model_of(&info))
+            };
+            if model.is_none() {
+                self.give_up(format!("{maker} model {}", info.model));
             }
+            return model;
         }
         None
     }
 
     fn hokuyo(&mut self, bytes: &[u8]) -> Option<Model> {
-        let mut model = None;
+        let (mut model, mut product) = (None, None);
         self.scip.feed(bytes, |block, _, _| {
             if let Block::Answer { values, .. } = block {
                 model = model.or_else(|| super::hokuyo::model_of(&values));
+                product = values.into_iter().find(|(key, _)| key == "PROD").or(product.take());
             }
         });
+        if let (None, Some((_, product))) = (model, product) {
+            self.give_up(format!("Hokuyo {product}"));
+        }
         model
+    }
+
+    /// Somebody has answered, and no other speed will make him known.
+    fn give_up(&mut self, name: String) {
+        self.stranger = Some(Stranger { name, baud: self.baud });
+        self.steps.clear();
+        self.waits_until = None;
     }
 }
 

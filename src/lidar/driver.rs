@@ -4,7 +4,7 @@ use super::port::{self, READ_TIMEOUT};
 use super::watchdog::Watchdog;
 use super::{
     AssemblerStats, Detector, Family, Found, Identity, LidarHealth, LidarStatus, Model, OpenError,
-    Probe, ScanAssembler, Sensor, Settings, sensor,
+    Probe, ScanAssembler, Sensor, Settings, Stranger, sensor,
 };
 use crate::messages::Scan;
 use crate::pilot::Event;
@@ -59,6 +59,7 @@ impl Driver {
         let opened_at = now();
         let mut reader = Reader {
             target: settings.model.map(|model| Target::new(model, baud)),
+            stranger: None,
             baud,
             watchdog: Watchdog::new(baud, opened_at, AssemblerStats::default()),
             status: LidarStatus::default(),
@@ -119,6 +120,8 @@ struct Reader<N> {
     settings: Settings,
     /// The sensor; `None` while it is being found out.
     target: Option<Target>,
+    /// Who has answered in vain while it is being found out.
+    stranger: Option<Stranger>,
     baud: u32,
     watchdog: Watchdog,
     status: LidarStatus,
@@ -202,9 +205,18 @@ impl<N: Fn() -> Stamp<Mono>> Reader<N> {
                 Err(error) if is_only_slow(&error) => {}
                 Err(error) => return Err(error),
             }
-            self.tell(LidarHealth::Starting);
+            self.tell(self.search_health(LidarHealth::Starting));
         }
+        self.stranger = detector.stranger().cloned();
         Ok(None)
+    }
+
+    /// The health of a search: who has answered in vain, else this.
+    fn search_health(&self, otherwise: LidarHealth) -> LidarHealth {
+        self.stranger.as_ref().map_or(otherwise, |Stranger { name, baud }| LidarHealth::Unknown {
+            name: name.clone(),
+            baud: *baud,
+        })
     }
 
     /// Reads until the port fails, nothing makes sense, or the driver is to end.
@@ -335,7 +347,7 @@ impl<N: Fn() -> Stamp<Mono>> Reader<N> {
             self.baud = bauds.get(at % bauds.len().max(1)).copied().unwrap_or(self.baud);
             self.target = Some(Target::new(model, self.baud));
         } else {
-            self.tell(LidarHealth::NoFrames { baud: self.baud });
+            self.tell(self.search_health(LidarHealth::NoFrames { baud: self.baud }));
         }
         match port.set_baud_rate(self.baud) {
             Ok(()) => Some(port),
@@ -382,6 +394,7 @@ impl<N: Fn() -> Stamp<Mono>> Reader<N> {
             stats.skipped_bytes = counts.skipped_bytes;
             stats.restarts = counts.restarts;
             stats.missing_samples = assembled.missing_samples;
+            stats.clock_restarts = assembled.clock_restarts;
             if self.status.identity.as_ref() != target.sensor.identity() {
                 let before = self.status.identity.take();
                 self.status.identity = target.sensor.identity().cloned();
@@ -434,6 +447,13 @@ fn log_change(settings: &Settings, model: Option<Model>, health: &LidarHealth) {
             model,
             baud,
             "bytes arrive but form no frame: wrong baud, another lidar model, or a bad cable"
+        ),
+        LidarHealth::Unknown { name, baud } => tracing::warn!(
+            port,
+            name,
+            baud,
+            "a lidar answers whose name is not known: set lidar.model to its nearest relative, and \
+             lidar.baud"
         ),
         LidarHealth::Stalled => tracing::warn!(
             port,

@@ -61,6 +61,8 @@ pub enum Model {
     HokuyoUrg04lx,
     /// Hokuyo UTM-30LX.
     HokuyoUtm30lx,
+    /// Any other Hokuyo that speaks SCIP 2.0 on a serial line or USB.
+    HokuyoScip2,
 }
 
 /// The numbers of a sensor.
@@ -89,7 +91,7 @@ pub struct Spec {
 
 impl Model {
     /// Every supported model.
-    pub const ALL: [Self; 21] = [
+    pub const ALL: [Self; 22] = [
         Self::Ld06,
         Self::Ld19,
         Self::Stl19p,
@@ -111,6 +113,7 @@ impl Model {
         Self::YdlidarTminiPro,
         Self::HokuyoUrg04lx,
         Self::HokuyoUtm30lx,
+        Self::HokuyoScip2,
     ];
 
     /// The sensor's numbers.
@@ -173,6 +176,10 @@ impl Model {
             }
             Self::HokuyoUtm30lx => {
                 hokuyo("hokuyo-utm30lx", "Hokuyo UTM-30LX", 57_600, (0.1, 30.0), 0.010, 1440.0)
+            }
+            // What it tells of itself counts: this is of the coarsest and slowest.
+            Self::HokuyoScip2 => {
+                hokuyo("hokuyo-scip2", "Hokuyo with SCIP 2.0", 10_240, (0.1, 30.0), 0.015, 1024.0)
             }
         }
     }

@@ -27,6 +27,7 @@ mod hq;
 mod legacy;
 mod mode;
 mod node;
+mod query;
 mod reply;
 mod request;
 mod session;

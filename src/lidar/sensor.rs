@@ -85,6 +85,22 @@ pub struct Identity {
     pub serial: Option<String>,
     /// Scan mode in use.
     pub mode: Option<String>,
+    /// Time between two samples in that mode, where the sensor tells it.
+    pub sample_period: Option<Duration>,
+}
+
+impl Identity {
+    /// `SLAMTEC RPLIDAR A1, firmware 1.29, serial 0A1B`
+    #[must_use]
+    pub fn said(&self) -> String {
+        let model = self.model.map_or("a LiDAR without a name", Model::full_name);
+        let name = if self.name.is_empty() { model } else { &self.name };
+        let more = [("firmware", &self.firmware), ("serial", &self.serial)];
+        more.into_iter().fold(name.to_owned(), |said, (what, value)| match value {
+            Some(value) => format!("{said}, {what} {value}"),
+            None => said,
+        })
+    }
 }
 
 /// What the sensor itself complains of.

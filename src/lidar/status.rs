@@ -26,6 +26,9 @@ pub struct LidarStats {
     pub reconnects: u64,
     /// Times that the conversation with the sensor was begun anew.
     pub restarts: u64,
+    /// Times that the estimate of the sensor's clock was begun anew: after a pause, or because
+    /// arrivals had moved away from it.
+    pub clock_restarts: u64,
 }
 
 /// What the driver sees of the sensor.
@@ -41,6 +44,13 @@ pub enum LidarHealth {
     /// line damages whatever it carries.
     NoFrames {
         /// The line speed in use, bit/s.
+        baud: u32,
+    },
+    /// A sensor has told its name, but it is none that can be chosen by itself.
+    Unknown {
+        /// Maker and number.
+        name: String,
+        /// The line speed at which it answered, bit/s.
         baud: u32,
     },
     /// Beams arrive, but the head stands still: its motor is blocked, unplugged or without power.

@@ -127,6 +127,11 @@ impl Commands {
         out.events.extend(events);
     }
 
+    /// Somebody else has the vehicle, or it is to land: only a landing is still asked for.
+    pub(crate) fn withdraw(&mut self) {
+        self.under_way.retain(|attempt| attempt.asked == VehicleCommand::EnterLand);
+    }
+
     fn take(&mut self, command: MavCmd) -> Option<Attempt> {
         let index = self.under_way.iter().position(|attempt| attempt.wire.command == command)?;
         Some(self.under_way.remove(index))

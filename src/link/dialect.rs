@@ -16,7 +16,7 @@ mod px4;
 use crate::messages::{FlightMode, LandedState, TakeOff, VehicleCommand, VehicleState};
 use crate::time::{Mono, Stamp};
 use mavlink::dialects::ardupilotmega::{
-    HEARTBEAT_DATA, MavAutopilot, MavCmd, MavFrame, MavModeFlag, MavState,
+    HEARTBEAT_DATA, MavAutopilot, MavCmd, MavFrame, MavModeFlag, MavState, MavType,
 };
 use std::time::Duration;
 
@@ -53,9 +53,10 @@ impl Dialect {
     /// The family that a heartbeat shows; `None` if it is not spoken here.
     pub(crate) fn of(heartbeat: &HEARTBEAT_DATA) -> Option<Self> {
         match heartbeat.autopilot {
-            MavAutopilot::MAV_AUTOPILOT_PX4 => Some(Self::Px4),
-            // A plane of the same family has the same numbers for other modes.
-            MavAutopilot::MAV_AUTOPILOT_ARDUPILOTMEGA if ardupilot::is_copter(heartbeat) => {
+            // A plane or a rover would take what is meant for a copter; one of `ArduPilot` has the same
+            // numbers for other modes.
+            MavAutopilot::MAV_AUTOPILOT_PX4 if is_copter(heartbeat) => Some(Self::Px4),
+            MavAutopilot::MAV_AUTOPILOT_ARDUPILOTMEGA if is_copter(heartbeat) => {
                 Some(Self::ArduPilot)
             }
             _ => None,
@@ -190,6 +191,21 @@ impl Dialect {
     pub(crate) const fn may_lack_highres_imu(self) -> bool {
         matches!(self, Self::ArduPilot)
     }
+}
+
+/// True for the kinds of vehicle that fly as a copter.
+const fn is_copter(heartbeat: &HEARTBEAT_DATA) -> bool {
+    matches!(
+        heartbeat.mavtype,
+        MavType::MAV_TYPE_QUADROTOR
+            | MavType::MAV_TYPE_HEXAROTOR
+            | MavType::MAV_TYPE_OCTOROTOR
+            | MavType::MAV_TYPE_TRICOPTER
+            | MavType::MAV_TYPE_DODECAROTOR
+            | MavType::MAV_TYPE_DECAROTOR
+            | MavType::MAV_TYPE_COAXIAL
+            | MavType::MAV_TYPE_HELICOPTER
+    )
 }
 
 fn is_in_failsafe(heartbeat: &HEARTBEAT_DATA) -> bool {

@@ -14,7 +14,7 @@ mod network;
 
 pub use network::{Network, NetworkError};
 
-use super::signing::{Refusal, Signing, SigningError, SigningSettings, WallClock};
+use super::signing::{Proof, Refusal, Signing, SigningError, SigningSettings, WallClock};
 use crate::time::{Mono, Stamp};
 use flood::FloodLimit;
 use mavlink::dialects::ardupilotmega::{MavMessage, SETUP_SIGNING_DATA};
@@ -116,25 +116,33 @@ impl Guard {
         is_known
     }
 
+    /// True if frames of this link are signed.
+    #[must_use]
+    pub fn signs(&self) -> bool {
+        self.lock().signing.is_some()
+    }
+
     /// True if a frame with a right checksum may be decoded.
     #[must_use]
     pub fn admits(&self, frame: &MAVLinkMessageRaw, arrived: Stamp<Mono>) -> bool {
+        self.proof(frame, arrived).is_some()
+    }
+
+    /// What a frame with a right checksum shows of its sender; `None` if it may not be decoded.
+    #[must_use]
+    pub fn proof(&self, frame: &MAVLinkMessageRaw, arrived: Stamp<Mono>) -> Option<Proof> {
         let mut inner = self.lock();
         let Inner { signing, flood, stats } = &mut *inner;
         if frame.message_id() == SETUP_SIGNING_DATA::ID {
             stats.key_setups += 1;
-            return false;
+            return None;
         }
         // Before the flood limit: forged frames must not use up what the true sender may send.
-        if let Some(signing) = signing
-            && let Err(refusal) = signing.judge(frame)
-        {
-            *refused(stats, refusal) += 1;
-            return false;
-        }
+        let verdict = signing.as_mut().map_or(Ok(Proof::NotNeeded), |signing| signing.judge(frame));
+        let proof = verdict.inspect_err(|refusal| *refused(stats, *refusal) += 1).ok()?;
         let is_taken = flood.takes(frame.system_id(), frame.component_id(), arrived);
         stats.flooded += u64::from(!is_taken);
-        is_taken
+        is_taken.then_some(proof)
     }
 
     /// The MAVLink 2 frame of a message, signed if this link signs.

@@ -85,6 +85,8 @@ struct Autopilot {
     rival_heard_at: Option<Stamp<Mono>>,
     /// The sequence number that its next frame should have.
     next_sequence: Option<u8>,
+    /// When its numbering first jumped far back of late, and how often since.
+    jumps: Option<(Stamp<Mono>, u8)>,
     heard_at: Stamp<Mono>,
     is_lost: bool,
     state: VehicleState,
@@ -227,6 +229,7 @@ impl Autopilot {
             origin: Origin::new(),
             rival_heard_at: None,
             next_sequence: None,
+            jumps: None,
             heard_at: state.at,
             is_lost: false,
             state,

@@ -5,9 +5,10 @@
 //! sign; nothing is hidden from those who listen.
 //!
 //! A frame is refused if its signature is wrong, if its timestamp is not later than the last one
-//! of its stream (link, system, component), if it begins a stream more than a minute in the past,
-//! or if it is further in the future than the settings allow. A few messages may come unsigned,
-//! such as the heartbeat, but only from a component that has not signed yet.
+//! of its stream (link, system, component), if it begins a stream more than a minute in the past or
+//! with a stamp that an earlier run may have heard, or if it is further in the future than the settings
+//! allow. A few messages may come unsigned, such as the heartbeat, but only from a component that has
+//! not signed yet; until then a heartbeat may also be signed with an old stamp.
 //!
 //! Source: MAVLink guide, "Message Signing". The hash is the `mavlink` crate's; its own state is
 //! not used, for it keeps no timestamp over a restart, takes all unsigned messages or none, and is
@@ -19,7 +20,8 @@ mod stamps;
 pub use key::{Key, KeyError};
 pub use stamps::{LedgerError, WallClock};
 
-use mavlink::{MAVLinkMessageRaw, MAVLinkV2MessageRaw};
+use mavlink::dialects::ardupilotmega::HEARTBEAT_DATA;
+use mavlink::{MAVLinkMessageRaw, MAVLinkV2MessageRaw, MessageData as _};
 use stamps::{Stamps, UNITS_PER_SECOND};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
@@ -67,10 +69,22 @@ pub enum Refusal {
     WrongSignature,
     /// Its stamp is not later than the last one of its stream: sent again by somebody.
     Replayed,
-    /// It begins a stream in the past.
+    /// It begins a stream in the past, or in the time of an earlier run.
     Old,
     /// Its stamp lies too far in the future.
     FromFuture,
+}
+
+/// What a frame that may be listened to has shown of its sender.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Proof {
+    /// Nothing: the message may come from anybody.
+    NotNeeded,
+    /// That somebody with the key once sent this heartbeat. It makes the acquaintance and no more: who
+    /// has no clock of its own gets ours with the first frame that it hears.
+    SignedBefore,
+    /// That it has the key.
+    Signed,
 }
 
 /// Signs what leaves and judges what comes in.
@@ -115,16 +129,22 @@ impl Signing {
     ///
     /// # Errors
     /// Why it must not be listened to.
-    pub fn judge(&mut self, frame: &MAVLinkMessageRaw) -> Result<(), Refusal> {
+    pub fn judge(&mut self, frame: &MAVLinkMessageRaw) -> Result<Proof, Refusal> {
         let verdict = match frame {
             MAVLinkMessageRaw::V2(v2) if v2.incompatibility_flags() & IS_SIGNED != 0 => {
                 self.judge_signed(v2)
             }
             _ => Err(Refusal::Unsigned),
         };
-        let may_be_unsigned = self.accept_unsigned.contains(&frame.message_id())
-            && !self.has_signed(frame.system_id(), frame.component_id());
-        if may_be_unsigned { Ok(()) } else { verdict }
+        let is_unproven = !self.has_signed(frame.system_id(), frame.component_id());
+        let may_be_unsigned = is_unproven && self.accept_unsigned.contains(&frame.message_id());
+        let is_heartbeat = frame.message_id() == HEARTBEAT_DATA::ID;
+        match verdict {
+            Ok(()) => Ok(Proof::Signed),
+            Err(Refusal::Old) if is_unproven && is_heartbeat => Ok(Proof::SignedBefore),
+            Err(_) if may_be_unsigned => Ok(Proof::NotNeeded),
+            Err(refusal) => Err(refusal),
+        }
     }
 
     fn judge_signed(&mut self, frame: &MAVLinkV2MessageRaw) -> Result<(), Refusal> {
@@ -142,7 +162,10 @@ impl Signing {
             None => {
                 let oldest =
                     self.stamps.latest().saturating_sub(NEW_STREAM_WITHIN_S * UNITS_PER_SECOND);
-                if stamp < oldest || self.streams.len() >= MAX_STREAMS {
+                // The streams of earlier runs are forgotten, so none of their stamps may count again. Who
+                // hears this side catches up at once: the protocol sets its clock by ours.
+                let is_of_earlier_run = stamp <= self.stamps.first();
+                if stamp < oldest || is_of_earlier_run || self.streams.len() >= MAX_STREAMS {
                     return Err(Refusal::Old);
                 }
             }

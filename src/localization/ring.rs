@@ -84,9 +84,13 @@ pub struct FramePlaced {
     pub fallback: Option<(PlacedFix, Innovation)>,
 }
 
-/// A sample stands for this long without a penalty, s: three periods of a slow autopilot.
-const EVEN_GAP_S: f64 = 0.03;
-/// What the vehicle may do unseen in a longer gap: forces and turns that hold all through it.
+/// A sample stands for this long without a penalty, s: one period of an autopilot that sends 100
+/// a second, with its jitter.
+const EVEN_GAP_S: f64 = 0.012;
+/// From this gap on all is possible that the vehicle may do unseen, s; in between its share grows
+/// evenly.
+const UNSEEN_GAP_S: f64 = 0.04;
+/// What the vehicle may do unseen in a gap: forces and turns that hold all through it.
 const UNSEEN_ACCEL_MPS2: f64 = 2.0;
 const UNSEEN_RATE_RADPS: f64 = 1.0;
 
@@ -124,7 +128,9 @@ impl Ring {
         if last_imu.is_some_and(|last| imu.at <= last.state.at) {
             return;
         }
-        let gap_s = last_imu.map_or(0.0, |last| imu.at.seconds_since(last.state.at));
+        // The filter begins at a fix of the past: the samples since then came, and are not kept.
+        let began_before = last_imu.filter(|_| self.entries.len() > 1);
+        let gap_s = began_before.map_or(0.0, |last| imu.at.seconds_since(last.state.at));
         let covered = Covered { imu, noise: self.noise_over(gap_s) };
         let place = self.entries.partition_point(|entry| entry.state.at <= imu.at);
         let first_fix = self.entries.iter().rposition(is_imu).map_or(place, |last| last + 1);
@@ -302,7 +308,8 @@ impl Ring {
         if gap_s <= EVEN_GAP_S {
             return self.noise;
         }
-        let root = gap_s.sqrt();
+        let share = ((gap_s - EVEN_GAP_S) / (UNSEEN_GAP_S - EVEN_GAP_S)).min(1.0);
+        let root = share * gap_s.sqrt();
         ImuNoise {
             accel_density_mps2_rthz: self
                 .noise

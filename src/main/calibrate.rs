@@ -2,7 +2,7 @@
 
 use clap::{Args, Subcommand};
 use serde::Serialize;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use stockpilot::calibration::mount::{AXES, Found, Limits, MountCalibration};
 use stockpilot::config::{self, FoundMount};
@@ -74,15 +74,18 @@ struct ClockLine {
     sigma_ms: f64,
     seen: bool,
     halves_z: f64,
+    contradicts: bool,
     written: Option<PathBuf>,
 }
 
 #[expect(clippy::print_stdout, reason = "the program's output")]
 fn run_time(args: &LidarArgs) -> anyhow::Result<ExitCode> {
     let LidarCalibration { mount, flown_with } = calibration(args, Some(ANY_CLOCK_S))?;
-    let Found { change, sigma, is_seen, halves_z } = mount.clock_offset_s;
+    let found = mount.clock_offset_s;
+    let Found { change, is_seen, halves_z, .. } = found;
+    let (sigma, contradicts) = (found.sigma_by_halves(), found.contradicts_itself());
     let offset_s = flown_with.clock_offset_s + change;
-    let written = args.write.as_ref().filter(|_| is_seen);
+    let written = args.write.as_ref().filter(|_| is_seen && !contradicts);
     if let Some(path) = written {
         config::write_clock(path, offset_s, sigma)?;
     }
@@ -93,6 +96,7 @@ fn run_time(args: &LidarArgs) -> anyhow::Result<ExitCode> {
             sigma_ms: 1e3 * sigma,
             seen: is_seen,
             halves_z,
+            contradicts,
             written: written.cloned(),
         };
         println!("{}", serde_json::to_string(&line)?);
@@ -110,22 +114,59 @@ fn run_time(args: &LidarArgs) -> anyhow::Result<ExitCode> {
             1e3 * sigma
         );
     }
-    Ok(if is_seen { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+    if contradicts {
+        eprint_line(&contradiction(&["clock offset"], args.write.is_some()));
+    }
+    Ok(if is_seen && !contradicts { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
 fn run_lidar(args: &LidarArgs) -> anyhow::Result<ExitCode> {
     let found = calibration(args, None)?.mount;
-    if let Some(path) = &args.write {
-        config::write_mount(path, &for_file(&found))?;
+    let contradicting = contradicting(&found);
+    let written = write_if_it_agrees(&found, args.write.as_deref())?;
+    print_mount(&found, args.json, written)?;
+    if !contradicting.is_empty() {
+        eprint_line(&contradiction(&contradicting, args.write.is_some()));
     }
-    print_mount(&found, args)?;
-    let is_whole = found.axes.iter().all(|axis| axis.is_seen);
+    let is_whole = found.axes.iter().all(|axis| axis.is_seen) && contradicting.is_empty();
     Ok(if is_whole { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}
+
+#[expect(clippy::print_stderr, reason = "beside the program's output, which may be JSON")]
+fn eprint_line(text: &str) {
+    eprintln!("{text}");
+}
+
+/// The axes whose halves contradict each other.
+fn contradicting(found: &MountCalibration) -> Vec<&'static str> {
+    let axes = found.axes.iter().zip(AXES);
+    axes.filter(|(axis, _)| axis.contradicts_itself()).map(|(_, name)| name).collect()
+}
+
+/// Writes the mounting, unless an axis contradicts itself: the others were found beside it and err with it.
+fn write_if_it_agrees(
+    found: &MountCalibration,
+    path: Option<&Path>,
+) -> anyhow::Result<Option<PathBuf>> {
+    let Some(path) = path.filter(|_| contradicting(found).is_empty()) else { return Ok(None) };
+    config::write_mount(path, &for_file(found))?;
+    Ok(Some(path.to_owned()))
+}
+
+/// What halves that contradict each other mean.
+fn contradiction(axes: &[&str], was_to_write: bool) -> String {
+    let refused = if was_to_write { "nothing was written: " } else { "" };
+    format!(
+        "{refused}{}: both halves of the flight contradict each other by more than 3 σ. Either the LiDAR moved on the \
+         body in flight, or what it saw did (a gate, a vehicle, material), or a wall or the floor is not where the \
+         configuration has it. Tighten the mounting, check hall.walls_m and the floor, and fly again.",
+        axes.join(", ")
+    )
 }
 
 /// The configuration has one σ for the place and one for the direction: the largest.
 fn for_file(found: &MountCalibration) -> FoundMount {
-    let largest = |axes: &[Found]| axes.iter().map(|axis| axis.sigma).fold(0.0, f64::max);
+    let largest = |axes: &[Found]| axes.iter().map(Found::sigma_by_halves).fold(0.0, f64::max);
     FoundMount {
         body_from_lidar: found.body_from_lidar,
         position_sigma_m: largest(&found.axes[..3]),
@@ -152,6 +193,7 @@ struct AxisLine {
     sigma: f64,
     seen: bool,
     halves_z: f64,
+    contradicts: bool,
 }
 
 #[derive(Debug, Serialize)]
@@ -170,9 +212,10 @@ impl MountLine {
                 name: AXES[k],
                 unit,
                 change: axis.change * scale,
-                sigma: axis.sigma * scale,
+                sigma: axis.sigma_by_halves() * scale,
                 seen: axis.is_seen,
                 halves_z: axis.halves_z,
+                contradicts: axis.contradicts_itself(),
             }
         };
         let faces = found.faces.iter();
@@ -191,9 +234,13 @@ impl MountLine {
 }
 
 #[expect(clippy::print_stdout, reason = "the program's output")]
-fn print_mount(found: &MountCalibration, args: &LidarArgs) -> anyhow::Result<()> {
-    let line = MountLine::new(found, args.write.clone());
-    if args.json {
+fn print_mount(
+    found: &MountCalibration,
+    as_json: bool,
+    written: Option<PathBuf>,
+) -> anyhow::Result<()> {
+    let line = MountLine::new(found, written);
+    if as_json {
         println!("{}", serde_json::to_string(&line)?);
         return Ok(());
     }
@@ -222,7 +269,7 @@ fn print_mount(found: &MountCalibration, args: &LidarArgs) -> anyhow::Result<()>
     println!(
         "mount = {{ position_m = [{x:.4}, {y:.4}, {z:.4}], rotation_deg = [{roll:.4}, {pitch:.4}, {yaw:.4}] }}"
     );
-    if let Some(path) = &args.write {
+    if let Some(path) = &line.written {
         println!("written to {}", path.display());
     }
     Ok(())
@@ -236,5 +283,51 @@ fn advice(axis: &str) -> &'static str {
             "turn to headings all around near walls whose places are known (--wall-sigma-m)"
         }
         _ => "fly near walls at several headings, at different distances",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use stockpilot::geometry::{Point, Rotation, Transform};
+
+    const EXAMPLE: &str = include_str!("../../deploy/config.example.toml");
+
+    fn found(halves_z: [f64; 6]) -> MountCalibration {
+        let axis = |halves_z| Found { change: 0.001, sigma: 0.0007, is_seen: true, halves_z };
+        MountCalibration {
+            body_from_lidar: Transform::new(Rotation::identity(), Point::new(0.1, 0.0, 0.0)),
+            axes: halves_z.map(axis),
+            range_bias_m: (0.0, 0.002),
+            clock_offset_s: axis(0.0),
+            faces: Vec::new(),
+        }
+    }
+
+    /// What a run leaves in the file, and whether it says that it wrote.
+    fn file_after(found: &MountCalibration) -> (String, bool) {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("hall.toml");
+        std::fs::write(&path, EXAMPLE).unwrap();
+        let written = write_if_it_agrees(found, Some(&path)).unwrap();
+        (std::fs::read_to_string(&path).unwrap(), written.is_some())
+    }
+
+    #[test]
+    fn a_mounting_whose_halves_contradict_each_other_is_not_written() {
+        let agreeing = found([0.4, -1.2, 0.1, 1.9, -0.3, 0.0]);
+        let (text, was_written) = file_after(&agreeing);
+        assert!(was_written && text.contains("position_m = [0.1, 0.0, 0.0]"));
+        assert!(text.contains("mount_position_sigma_m = 0.0007"), "the σ as it is");
+
+        let hardly = found([0.4, -2.6, 0.1, 1.9, -0.3, 0.0]);
+        let (text, _) = file_after(&hardly);
+        assert!(text.contains("mount_position_sigma_m = 0.0009"), "0.7 mm · 2.6/2");
+
+        let slipped = found([0.4, 0.2, 0.1, 1.9, -0.3, 3.4]);
+        assert_eq!(file_after(&slipped), (EXAMPLE.to_owned(), false));
+        assert_eq!(contradicting(&slipped), ["about lidar z"]);
+        let said = contradiction(&contradicting(&slipped), true);
+        assert!(said.starts_with("nothing was written: about lidar z:"), "{said}");
     }
 }

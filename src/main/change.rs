@@ -26,7 +26,7 @@ pub(crate) struct ChangeArgs {
 
 /// Where constant errors come from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum OriginName {
+pub(crate) enum OriginName {
     /// The LiDAR on its vehicle: another vehicle, or mounted anew.
     Lidar,
     /// The marker map: hung or surveyed anew.

@@ -12,7 +12,7 @@ use stockpilot::service::clock::Clock;
 
 #[derive(Debug, Args)]
 pub(crate) struct DoctorArgs {
-    /// The configuration file; without it only serial ports and sensors are looked at.
+    /// The configuration file; without it only serial ports, video devices and sensors are looked at.
     #[arg(long)]
     config: Option<PathBuf>,
     /// Override a key of the file; may be given several times.

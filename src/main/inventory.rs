@@ -1,11 +1,14 @@
 //! `stockpilot inventory`: the books of halls.
 
+use crate::change::OriginName;
+use crate::logs;
 use clap::{Args, Subcommand, ValueEnum};
 use serde::Serialize;
 use std::path::PathBuf;
 use std::process::ExitCode;
-use stockpilot::inventory::{Added, Inventory, history, history_table};
+use stockpilot::inventory::{AddOptions, Added, Inventory, history, history_table};
 use stockpilot::mapping::change::USUAL_RISK;
+use stockpilot::survey::Origin;
 
 /// Options of `stockpilot inventory`.
 #[derive(Debug, Args)]
@@ -27,6 +30,15 @@ enum InventoryCommand {
         /// The hall that they measured.
         #[arg(long, value_name = "NAME")]
         hall: String,
+        /// Which survey of the logs, from 1: each START that measures anew begins one. The last if left out.
+        #[arg(long, value_name = "N")]
+        flight: Option<usize>,
+        /// Errors that these surveys do not share with earlier ones although the configurations are equal.
+        #[arg(long, value_enum, value_delimiter = ',', value_name = "ORIGINS")]
+        independent: Vec<OriginName>,
+        /// Add what a person has rejected, too.
+        #[arg(long)]
+        although_rejected: bool,
     },
     /// The surveys.
     List {
@@ -37,7 +49,7 @@ enum InventoryCommand {
         #[arg(long)]
         json: bool,
     },
-    /// What was in each bay, survey by survey, and what has changed since the one before.
+    /// What was in each bay, survey by survey, and what has changed since the newest one before that has it.
     History {
         /// Of this hall only.
         #[arg(long, value_name = "NAME")]
@@ -48,6 +60,9 @@ enum InventoryCommand {
         /// How often noise may be called a change, for each line by itself.
         #[arg(long, default_value_t = USUAL_RISK)]
         risk: f64,
+        /// Errors that no two surveys share although their configurations are equal.
+        #[arg(long, value_enum, value_delimiter = ',', value_name = "ORIGINS")]
+        independent: Vec<OriginName>,
         /// For people or for other programs.
         #[arg(long, value_enum, default_value_t = Form::Table)]
         form: Form,
@@ -74,28 +89,46 @@ struct SurveyLine {
     build: String,
     log: PathBuf,
     log_sha256: String,
+    /// Which survey of the log.
+    number: usize,
 }
 
 pub(crate) fn run(args: &InventoryArgs) -> anyhow::Result<ExitCode> {
     let mut books = Inventory::open(&args.books)?;
     match &args.command {
-        InventoryCommand::Add { logs, hall } => add(&mut books, hall, logs)?,
+        InventoryCommand::Add { logs, hall, flight, independent, although_rejected } => {
+            let options = AddOptions {
+                number: *flight,
+                although_rejected: *although_rejected,
+                independent: independent.iter().map(|name| (*name).into()).collect(),
+            };
+            add(&mut books, hall, logs, &options)?;
+        }
         InventoryCommand::List { hall, json } => list(&books, hall.as_deref(), *json)?,
-        InventoryCommand::History { hall, bay, risk, form } => {
+        InventoryCommand::History { hall, bay, risk, independent, form } => {
+            let independent: Vec<Origin> = independent.iter().map(|name| (*name).into()).collect();
             let surveys = books.surveys(hall.as_deref())?;
-            print_history(&history(&surveys, bay.as_deref(), *risk), *form)?;
+            let lines = history(&surveys, bay.as_deref(), *risk, &independent);
+            print_history(&lines, *form)?;
         }
     }
     Ok(ExitCode::SUCCESS)
 }
 
 #[expect(clippy::print_stdout, reason = "the program's output")]
-fn add(books: &mut Inventory, hall: &str, logs: &[PathBuf]) -> anyhow::Result<()> {
+fn add(
+    books: &mut Inventory,
+    hall: &str,
+    logs: &[PathBuf],
+    options: &AddOptions,
+) -> anyhow::Result<()> {
     for log in logs {
-        match books.add(hall, log)? {
-            Added::New { id } => println!("{}: added as {id}", log.display()),
-            Added::Known { id } => println!("{}: there already as {id}", log.display()),
-        }
+        let (id, place, what) = match books.add(hall, log, options)? {
+            Added::New { id, place } => (id, place, "added"),
+            Added::Known { id, place } => (id, place, "there already"),
+        };
+        logs::tell_others(&place);
+        println!("{}: {what} as {id}", log.display());
     }
     Ok(())
 }
@@ -114,6 +147,7 @@ fn list(books: &Inventory, hall: Option<&str>, as_json: bool) -> anyhow::Result<
             build: stored.build,
             log: stored.survey.path,
             log_sha256: stored.log_sha256,
+            number: stored.number,
         })
         .collect();
     if as_json {

@@ -4,7 +4,9 @@ use anyhow::Context as _;
 use clap::{Args, Subcommand};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use stockpilot::record::{Standing, has_flown, mark_reported, shelved_logs};
+use stockpilot::record::{
+    Seen, Standing, SurveyPlace, mark_reported, shelved_logs, standing_within,
+};
 
 /// Options of `stockpilot logs`.
 #[derive(Debug, Args)]
@@ -39,9 +41,7 @@ pub(crate) fn run(args: &LogsArgs) -> anyhow::Result<ExitCode> {
             let mut logs = shelved_logs(folder)
                 .with_context(|| format!("cannot read {}", folder.display()))?;
             for log in logs.iter_mut().filter(|log| log.standing == Standing::Kept) {
-                if !has_flown(&log.path)? {
-                    log.standing = Standing::Empty;
-                }
+                log.standing = standing_within(&log.path)?;
             }
             if *json {
                 println!("{}", serde_json::to_string(&logs)?);
@@ -66,15 +66,46 @@ pub(crate) fn run(args: &LogsArgs) -> anyhow::Result<ExitCode> {
 const fn word(standing: Standing) -> &'static str {
     match standing {
         Standing::Empty => "nobody took off; may be deleted",
-        Standing::Reported => "reported; may be deleted",
+        Standing::Reported => "all reported; may be deleted",
         Standing::Kept => "a survey to report; is never deleted",
     }
 }
 
-/// Remembers beside the log that something was made of it. Logs are also read where nothing can be
-/// written: then they are simply kept.
-pub(crate) fn remember(log: &Path, what: &str) {
-    if let Err(error) = mark_reported(log, what) {
-        tracing::warn!(%error, log = %log.display(), "not marked as reported, so it is kept");
+/// Says that a log holds more surveys than the one that something is made of.
+pub(crate) fn tell_others(place: &SurveyPlace) {
+    if place.n_in_log > 1 {
+        tracing::warn!(
+            "the log holds {} surveys; this is number {}: --flight picks another",
+            place.n_in_log,
+            place.number
+        );
+    }
+}
+
+/// Looks into a log before something is made of it, so that what is flown meanwhile is not taken for reported;
+/// `None` where it cannot be read, which whoever makes something of it will say.
+pub(crate) fn seen(log: &Path) -> Option<Seen> {
+    Seen::look(log).ok()
+}
+
+/// Remembers beside the log that something was made of one of its surveys. Logs are also read where nothing can
+/// be written: then they are simply kept.
+pub(crate) fn remember(seen: Option<&Seen>, what: &str, number: usize) {
+    let Some(seen) = seen else { return };
+    match seen.mark(what, number) {
+        Ok(true) => {}
+        Ok(false) => tracing::info!(
+            n_surveys = seen.n_surveys(),
+            number,
+            "the log holds more than was reported, so it is kept"
+        ),
+        Err(error) => tracing::warn!(%error, "not marked as reported, so the log is kept"),
+    }
+}
+
+/// Remembers that all of the log lies elsewhere too.
+pub(crate) fn remember_all(seen: Option<&Seen>, what: &str) {
+    if let Some(Err(error)) = seen.map(|seen| seen.mark_all(what)) {
+        tracing::warn!(%error, "not marked as packed, so the log is kept");
     }
 }

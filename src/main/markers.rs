@@ -13,7 +13,7 @@ use stockpilot::camera::picture::read_picture;
 use stockpilot::camera::tag_finder::{Settings, TagFinder};
 use stockpilot::config::{self, TagSection};
 use stockpilot::markers::{
-    self, Paper, PlanRequest, PlannedMarkers, PrintJob, RULER_MM, true_edge,
+    self, Paper, PlanRequest, PlannedMarkers, PrintJob, RULER_MM, TagName, true_edge,
 };
 use stockpilot::messages::TagFamily;
 
@@ -55,6 +55,9 @@ struct PrintArgs {
     /// Draw larger by what was measured, so that this printer's next sheets are true.
     #[arg(long, requires = "measured_mm")]
     compensate: bool,
+    /// Note the true edge of these tags in this file, for `markers survey --constraints`.
+    #[arg(long, value_name = "FILE", conflicts_with = "compensate")]
+    edges: Option<PathBuf>,
     /// The PDF to write.
     #[arg(long, value_name = "FILE", default_value = "markers.pdf")]
     out: PathBuf,
@@ -148,7 +151,7 @@ fn print(args: &PrintArgs) -> anyhow::Result<ExitCode> {
     let measured = args.measured_mm.as_deref().map(|mm| [mm[0], mm[1]]);
     if let Some(measured) = measured {
         if !args.compensate {
-            return tell_edge(edge_mm, measured);
+            return tell_edge(&job, measured, args.edges.as_deref());
         }
         job.scale = true_edge(edge_mm, measured)?.scale;
     }
@@ -161,15 +164,17 @@ fn print(args: &PrintArgs) -> anyhow::Result<ExitCode> {
     );
     println!("print at 100 % (\"actual size\"), then measure both rulers of a sheet");
     if job.scale[0].to_bits() == 1.0_f64.to_bits() && std::io::stdin().is_terminal() {
-        return ask(edge_mm);
+        return ask(&job, args.edges.as_deref());
     }
-    println!("and say what they measure: --measured-mm X Y");
+    println!(
+        "and say what they measure: --measured-mm X Y --edges FILE, with the same tags, paper and edge"
+    );
     Ok(ExitCode::SUCCESS)
 }
 
 /// Asks for both rulers; nothing entered means later.
 #[expect(clippy::print_stdout, reason = "the program's output")]
-fn ask(edge_mm: f64) -> anyhow::Result<ExitCode> {
+fn ask(job: &PrintJob, edges: Option<&Path>) -> anyhow::Result<ExitCode> {
     let mut measured_mm = [RULER_MM; 2];
     for (name, measured_mm) in ["horizontal", "vertical"].iter().zip(&mut measured_mm) {
         print!("the {name} ruler measures, mm (nothing to do it later): ");
@@ -181,11 +186,16 @@ fn ask(edge_mm: f64) -> anyhow::Result<ExitCode> {
         }
         *measured_mm = line.trim().parse().context("a length in mm, such as 199.5")?;
     }
-    tell_edge(edge_mm, measured_mm)
+    tell_edge(job, measured_mm, edges)
 }
 
 #[expect(clippy::print_stdout, reason = "the program's output")]
-fn tell_edge(edge_mm: f64, measured_mm: [f64; 2]) -> anyhow::Result<ExitCode> {
+fn tell_edge(
+    job: &PrintJob,
+    measured_mm: [f64; 2],
+    edges: Option<&Path>,
+) -> anyhow::Result<ExitCode> {
+    let edge_mm = job.edge_mm;
     let edge = true_edge(edge_mm, measured_mm)?;
     println!(
         "true edge: {:.2} mm, {:.4} m (asked: {edge_mm:.1} mm)",
@@ -193,6 +203,7 @@ fn tell_edge(edge_mm: f64, measured_mm: [f64; 2]) -> anyhow::Result<ExitCode> {
         edge.edge_mm / 1e3
     );
     if edge.is_square() {
+        note(job, edge.edge_mm / 1e3, edges)?;
         return Ok(ExitCode::SUCCESS);
     }
     println!(
@@ -200,6 +211,19 @@ fn tell_edge(edge_mm: f64, measured_mm: [f64; 2]) -> anyhow::Result<ExitCode> {
         100.0 * edge.difference
     );
     Ok(ExitCode::FAILURE)
+}
+
+/// Keeps what was measured where the survey of the markers reads it.
+#[expect(clippy::print_stdout, reason = "the program's output")]
+fn note(job: &PrintJob, edge_m: f64, edges: Option<&Path>) -> anyhow::Result<()> {
+    let Some(path) = edges else {
+        println!("--edges FILE keeps it for `markers survey --constraints FILE`");
+        return Ok(());
+    };
+    let tags: Vec<TagName> = job.ids.iter().map(|id| TagName::new(job.family, *id)).collect();
+    markers::note_edges(path, &tags, edge_m)?;
+    println!("noted in {}: `markers survey --constraints` reads it there", path.display());
+    Ok(())
 }
 
 fn write(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
@@ -308,4 +332,30 @@ fn detect(args: &DetectArgs) -> anyhow::Result<ExitCode> {
         println!("{line}");
     }
     Ok(ExitCode::SUCCESS)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use stockpilot::markers::Constraints;
+
+    #[test]
+    fn a_measured_sheet_is_kept_for_the_survey_and_a_crooked_one_is_not() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("edges.toml");
+        let job = PrintJob {
+            family: TagFamily::Tag36h11,
+            ids: vec![4, 5],
+            paper: Paper::named("A4").unwrap(),
+            edge_mm: 150.0,
+            scale: [1.0; 2],
+        };
+        // 199 mm instead of 200 in both directions: 0.5 % smaller; then one direction 2 % larger than the other.
+        tell_edge(&job, [199.0, 199.0], Some(&path)).unwrap();
+        let edges = Constraints::read(&path).unwrap().edges;
+        assert!((edges[0].edge_m - 0.14925).abs() < 1e-9, "{edges:?}");
+        assert_eq!(edges[0].tags.iter().map(|tag| tag.id).collect::<Vec<_>>(), [4, 5]);
+        tell_edge(&job, [202.0, 198.0], Some(&path)).unwrap();
+        assert_eq!(Constraints::read(&path).unwrap().edges, edges);
+    }
 }

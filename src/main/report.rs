@@ -1,5 +1,6 @@
 //! `stockpilot report`.
 
+use crate::change::OriginName;
 use crate::logs;
 use anyhow::Context;
 use clap::Args;
@@ -15,9 +16,15 @@ use stockpilot::survey::{Flight, Survey};
 pub(crate) struct SurveyArgs {
     /// The log, or what `merge` has written.
     pub(crate) log: PathBuf,
+    /// Which survey of the log, from 1: each START that measures anew begins one. The last if left out.
+    #[arg(long, value_name = "N")]
+    pub(crate) flight: Option<usize>,
     /// Log of an earlier survey of the same bays: the report says what has changed.
     #[arg(long, value_name = "LOG")]
     against: Option<PathBuf>,
+    /// Errors that this survey and the earlier one do not share although their configurations are equal.
+    #[arg(long, value_enum, value_delimiter = ',', value_name = "ORIGINS", requires = "against")]
+    independent: Vec<OriginName>,
     /// The books: CSV with the columns `bay`, `volume_m3`, `mass_t`.
     #[arg(long, value_name = "FILE")]
     book: Option<PathBuf>,
@@ -27,6 +34,9 @@ pub(crate) struct SurveyArgs {
     /// What the site is called.
     #[arg(long, value_name = "NAME")]
     site: Option<String>,
+    /// What the hall is called in the books, for its id and those of its bays; the site's name if left out.
+    #[arg(long, value_name = "NAME")]
+    hall: Option<String>,
     /// Who flew.
     #[arg(long, value_name = "NAME")]
     operator: Option<String>,
@@ -54,25 +64,30 @@ pub(crate) fn facts_of(args: &SurveyArgs) -> anyhow::Result<(Facts, String)> {
     books.extend(args.book_of.iter().cloned());
     let wishes = Wishes {
         site: args.site.clone(),
+        hall: args.hall.clone().or_else(|| args.site.clone()),
         operator: args.operator.clone(),
         target: Target { percent: args.target_percent, ..Target::default() },
         against: args.against.as_deref().map(Survey::read).transpose()?,
+        independent: args.independent.iter().map(|name| (*name).into()).collect(),
         books,
         risk: args.risk,
     };
     let sha256 =
         sha256_of_file(&args.log).with_context(|| format!("cannot read {}", args.log.display()))?;
-    Ok((Facts::new(Flight::read(&args.log)?, wishes)?, sha256))
+    let flight = Flight::read_one(&args.log, args.flight)?;
+    logs::tell_others(&flight.place);
+    Ok((Facts::new(flight, wishes)?, sha256))
 }
 
 #[expect(clippy::print_stdout, reason = "the program's output")]
 pub(crate) fn run(args: &ReportArgs) -> anyhow::Result<ExitCode> {
+    let seen = logs::seen(&args.survey.log);
     let (facts, sha256) = facts_of(&args.survey)?;
     let files = report_files(&facts, &sha256)?;
     std::fs::create_dir_all(&args.out)
         .with_context(|| format!("cannot make {}", args.out.display()))?;
     write_files(&files, &args.out)?;
-    logs::remember(&args.survey.log, "report");
+    logs::remember(seen.as_ref(), "report", facts.flight.place.number);
     for bay in &facts.bays {
         println!("{}: {}, {}", bay.account.name, bay.volume()?, bay.verdict.name());
     }

@@ -276,6 +276,17 @@ impl Mapper {
         self.counts.on_ground += n_beams;
     }
 
+    /// When a scan last measured something: a distance in reach, past the own body.
+    #[must_use]
+    pub fn measured_at(&self, scan: &Scan) -> Option<Stamp<Mono>> {
+        let mount = &self.settings.lidar;
+        let is_of_use = |beam: &&Beam| {
+            (mount.min_range_m..=mount.max_range_m).contains(&f64::from(beam.range_m))
+                && !mount.is_blind(f64::from(beam.angle_rad))
+        };
+        scan.beams.iter().rev().find(is_of_use).map(|beam| scan.beam_at(beam))
+    }
+
     /// Counts a scan that cannot be placed in time.
     pub fn refuse(&mut self, scan: &Scan) {
         let n_beams = scan.beams.len() as u64;

@@ -15,7 +15,7 @@
 //! sigma_m = 0.003
 //! check = false
 //!
-//! # What the rulers of the sheets told.
+//! # What the rulers of the sheets told; `markers print --edges` writes it.
 //! [[edges]]
 //! tags = ["36h11:0", "36h11:1"]
 //! edge_m = 0.1496
@@ -168,7 +168,12 @@ impl Constraints {
     pub fn read(path: &Path) -> Result<Self, ConstraintError> {
         let text = std::fs::read_to_string(path)
             .map_err(|source| ConstraintError::Unreadable { path: path.to_owned(), source })?;
-        let constraints: Self = toml::from_str(&text)
+        Self::parse(&text, path)
+    }
+
+    /// What stands in the text of a file.
+    pub(super) fn parse(text: &str, path: &Path) -> Result<Self, ConstraintError> {
+        let constraints: Self = toml::from_str(text)
             .map_err(|source| ConstraintError::File { path: path.to_owned(), source })?;
         constraints.checked()
     }

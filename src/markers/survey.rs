@@ -141,6 +141,8 @@ pub struct SurveyReport {
     pub residual_rms_px: f64,
     /// χ² over its degrees of freedom.
     pub variance_factor: f64,
+    /// Root mean square of the σ of all tags along all axes, m: `surface.uncertainty.marker_sigma_m`.
+    pub marker_sigma_m: f64,
     /// True edges over those that were told.
     pub edge_factor: f64,
     /// Its σ.
@@ -356,8 +358,10 @@ fn report(
         survey.views.iter().any(|view| view.sightings.iter().any(|sighting| sighting.tag == k))
     };
     let open = names.iter().enumerate().filter(|(k, _)| map.tags[*k].is_none() && is_seen(*k));
+    let tags: Vec<SurveyedTag> = names.iter().enumerate().filter_map(tag).collect();
     SurveyReport {
-        tags: names.iter().enumerate().filter_map(tag).collect(),
+        marker_sigma_m: rms_sigma_m(&tags),
+        tags,
         not_tied: open.map(|(_, name)| *name).collect(),
         n_frames: survey.views.len(),
         n_frames_used: map.bodies.iter().flatten().count(),
@@ -371,6 +375,14 @@ fn report(
         tapes: tape_lines(named, map),
         is_complete,
     }
+}
+
+/// The one σ that the budget has for the places of all markers, m.
+fn rms_sigma_m(tags: &[SurveyedTag]) -> f64 {
+    #[expect(clippy::cast_precision_loss, reason = "counts of tags")]
+    let n_axes = (3 * tags.len()).max(1) as f64;
+    let squares: f64 = tags.iter().flat_map(|tag| tag.sigma_m).map(|sigma| sigma * sigma).sum();
+    (squares / n_axes).sqrt()
 }
 
 /// Each tape against a map without it.

@@ -1,6 +1,7 @@
 //! Beams of the 2D LiDAR.
 
 use crate::time::{Mono, Stamp};
+use crate::units::wrapped_rad;
 use std::time::Duration;
 
 /// One range measurement.
@@ -54,6 +55,18 @@ impl Scan {
             beam.range_m = true_m.max(0.0) as f32;
         }
         self
+    }
+
+    /// True if the beams point in several directions: the head turns.
+    #[must_use]
+    pub fn is_turning(&self) -> bool {
+        /// A head that stands trembles by less, rad.
+        const LEAST_TURN_RAD: f64 = 0.02;
+        let Some(first) = self.beams.first() else { return false };
+        self.beams.iter().any(|beam| {
+            let turned_rad = wrapped_rad(f64::from(beam.angle_rad) - f64::from(first.angle_rad));
+            turned_rad.abs() > LEAST_TURN_RAD
+        })
     }
 
     /// When a beam of this scan was measured.

@@ -19,7 +19,9 @@ pub struct Inputs {
     /// The autopilot's samples come late, and so does every ODOMETRY that it gets: it soon flies by
     /// dead reckoning.
     pub is_late: bool,
-    /// Beams arrive.
+    /// The autopilot's inertial samples arrive, and their time is known.
+    pub has_samples: bool,
+    /// Beams arrive that measure something.
     pub has_lidar: bool,
     /// State of charge, 0 to 1.
     pub battery_ratio: Option<f64>,

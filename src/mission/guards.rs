@@ -1,7 +1,7 @@
 //! Limits of the mission and the list of what must hold before the motors turn.
 
 use super::decision::Inputs;
-use crate::messages::{LandedState, Room};
+use crate::messages::{LandedState, Room, VehicleState};
 use std::time::Duration;
 
 /// Times and levels at which the mission reacts.
@@ -41,6 +41,8 @@ pub struct Settings {
     pub land_heading_disagreement_rad: f64,
     /// A larger difference of either kind must last this long before it counts.
     pub disagrees_for: Duration,
+    /// In flight it lands when the autopilot's place cannot be compared for so long.
+    pub land_after_untold: Duration,
     /// Nearer than planned to something by more than this, m, it holds.
     pub max_intrusion_m: f64,
     /// Still too near after this long in a hold, it lands.
@@ -81,6 +83,7 @@ impl Default for Settings {
             max_heading_disagreement_rad: 10_f64.to_radians(),
             land_heading_disagreement_rad: 15_f64.to_radians(),
             disagrees_for: Duration::from_millis(500),
+            land_after_untold: Duration::from_secs(3),
             max_intrusion_m: 0.15,
             land_after_intrusion: Duration::from_secs(3),
             max_off_track_m: 1.0,
@@ -104,7 +107,7 @@ pub enum PreflightFault {
     #[error("the autopilot is still starting up")]
     NotReady,
     /// Somebody else might obey.
-    #[error("a second autopilot is on the link")]
+    #[error("a second autopilot is on the link, or one comes by two ways of a router")]
     SecondAutopilot,
     /// The motors turn already.
     #[error("the vehicle is armed already")]
@@ -112,11 +115,17 @@ pub enum PreflightFault {
     /// It stands nowhere.
     #[error("the autopilot does not report to stand on the ground")]
     NotOnGround,
+    /// Its samples cannot be dated, or do not come.
+    #[error(
+        "no inertial samples that can be dated: does the link take over 10 ms there and back, or \
+         does the autopilot not send them?"
+    )]
+    NoSamples,
     /// The own place is not known well enough.
     #[error("no trusted position: are markers in view?")]
     NoPosition,
-    /// No beams arrive.
-    #[error("the LiDAR is silent")]
+    /// No beams arrive that measure anything.
+    #[error("the LiDAR measures nothing: is it plugged in, turning, its window free?")]
     NoLidar,
     /// No battery message yet.
     #[error("the battery is unknown")]
@@ -147,6 +156,12 @@ pub enum PreflightFault {
         /// Its heading against the own one, deg.
         degrees: f64,
     },
+    /// Its place cannot be compared.
+    #[error(
+        "the autopilot does not tell its position: does it fuse the ODOMETRY and send \
+         LOCAL_POSITION_NED?"
+    )]
+    PositionUntold,
     /// Its heading cannot be compared.
     #[error("the autopilot does not tell its heading: does it send ATTITUDE_QUATERNION?")]
     HeadingUnknown,
@@ -195,17 +210,9 @@ pub(super) fn preflight_faults(inputs: &Inputs, settings: &Settings) -> Vec<Pref
 ///
 /// Without an autopilot it has one line: all others would repeat that nothing is known.
 pub(super) fn preflight_checks(inputs: &Inputs, settings: &Settings) -> Vec<PreflightCheck> {
-    let check = |subject, found: String, fault: Option<PreflightFault>| PreflightCheck {
-        subject,
-        found,
-        fault,
-    };
     let Some(vehicle) = inputs.vehicle else {
         return vec![check("autopilot", "silent".to_owned(), Some(PreflightFault::NoAutopilot))];
     };
-    let line =
-        |subject, fails: bool, fault, found: String| check(subject, found, fails.then_some(fault));
-    let word = |fails: bool, bad: &str, good: &str| (if fails { bad } else { good }).to_owned();
     let off = |number: Option<f64>, unit: &str| {
         number.map_or_else(|| "unknown".to_owned(), |n| format!("{n:.0}{unit} off"))
     };
@@ -213,76 +220,91 @@ pub(super) fn preflight_checks(inputs: &Inputs, settings: &Settings) -> Vec<Pref
     let is_turned = heading_deg
         .is_some_and(|degrees| degrees.abs() > settings.max_heading_error_rad.to_degrees());
     let heading = PreflightFault::Heading { degrees: heading_deg.unwrap_or(0.0) };
-    let metres = inputs.disagreement_m.unwrap_or(0.0);
-    let is_elsewhere = metres > settings.max_disagreement_m;
-    let is_lost = inputs.is_autopilot_lost;
-    let is_standing = vehicle.landed == LandedState::OnGround;
     let sigma = inputs.position_sigma_m.map_or_else(
         || "unknown".to_owned(),
         |sigma_m| format!("1-sigma {:.1} cm", 100.0 * sigma_m),
     );
-    let has_lidar = inputs.has_lidar;
     use PreflightFault as Fault;
-    let mut checks = vec![
-        line("autopilot", is_lost, Fault::NoAutopilot, word(is_lost, "silent", "heard")),
-        line(
-            "autopilot's start-up",
-            !vehicle.is_ready,
-            Fault::NotReady,
-            word(!vehicle.is_ready, "under way", "done"),
-        ),
-        line(
-            "other autopilots",
-            vehicle.is_contested,
-            Fault::SecondAutopilot,
-            word(vehicle.is_contested, "one heard", "none"),
-        ),
-        line(
-            "failsafe",
-            vehicle.in_failsafe,
-            Fault::InFailsafe,
-            word(vehicle.in_failsafe, "active", "none"),
-        ),
-        line(
-            "motors",
-            vehicle.is_armed,
-            Fault::ArmedAlready,
-            word(vehicle.is_armed, "armed", "disarmed"),
-        ),
-        line(
-            "vehicle",
-            !is_standing,
-            Fault::NotOnGround,
-            word(!is_standing, "not said", "on the ground"),
-        ),
-        line("position", !inputs.has_position, Fault::NoPosition, sigma),
-        line(
+    let mut checks = vehicle_checks(inputs, &vehicle);
+    checks.extend([
+        either("inertial samples", inputs.has_samples, "dated", "none", Fault::NoSamples),
+        check("position", sigma, (!inputs.has_position).then_some(Fault::NoPosition)),
+        check(
             "autopilot's position",
-            is_elsewhere,
-            Fault::Disagreement { metres },
             off(inputs.disagreement_m.map(|m| 100.0 * m), " cm"),
+            place_fault(inputs, settings),
         ),
         heading_check(inputs, settings),
-        line("heading", is_turned, heading, off(heading_deg.map(f64::abs), "°")),
-        line("LiDAR", !has_lidar, Fault::NoLidar, word(!has_lidar, "silent", "measuring")),
-        line("waypoints", !inputs.has_plan, Fault::NoPlan, word(!inputs.has_plan, "none", "found")),
+        check("heading", off(heading_deg.map(f64::abs), "°"), is_turned.then_some(heading)),
+        either("LiDAR", inputs.has_lidar, "measuring", "measuring nothing", Fault::NoLidar),
+        either("waypoints", inputs.has_plan, "found", "none", Fault::NoPlan),
         battery_check(inputs, settings),
-        dust_check(settings),
+        either(
+            "dust zone",
+            settings.is_dust_cleared,
+            "none, or released",
+            "not declared",
+            Fault::DustZone,
+        ),
         check("mode switch", mode_news(vehicle.is_mode_prompt).to_owned(), None),
-    ];
+    ]);
     checks.extend(storage_check(inputs));
     checks
 }
 
-fn dust_check(settings: &Settings) -> PreflightCheck {
-    let is_cleared = settings.is_dust_cleared;
-    let found = if is_cleared { "none, or released" } else { "not declared" };
-    let fault = (!is_cleared).then_some(PreflightFault::DustZone);
-    PreflightCheck { subject: "dust zone", found: found.to_owned(), fault }
+/// What the autopilot says of itself.
+fn vehicle_checks(inputs: &Inputs, vehicle: &VehicleState) -> Vec<PreflightCheck> {
+    use PreflightFault as Fault;
+    let is_standing = vehicle.landed == LandedState::OnGround;
+    vec![
+        either("autopilot", !inputs.is_autopilot_lost, "heard", "silent", Fault::NoAutopilot),
+        either("autopilot's start-up", vehicle.is_ready, "done", "under way", Fault::NotReady),
+        either(
+            "other autopilots",
+            !vehicle.is_contested,
+            "none",
+            "one heard",
+            Fault::SecondAutopilot,
+        ),
+        either("failsafe", !vehicle.in_failsafe, "none", "active", Fault::InFailsafe),
+        either("motors", !vehicle.is_armed, "disarmed", "armed", Fault::ArmedAlready),
+        either("vehicle", is_standing, "on the ground", "not said", Fault::NotOnGround),
+    ]
+}
+
+const fn check(
+    subject: &'static str,
+    found: String,
+    fault: Option<PreflightFault>,
+) -> PreflightCheck {
+    PreflightCheck { subject, found, fault }
+}
+
+/// A line with two outcomes.
+fn either(
+    subject: &'static str,
+    is_good: bool,
+    good: &str,
+    bad: &str,
+    fault: PreflightFault,
+) -> PreflightCheck {
+    let found = if is_good { good } else { bad };
+    check(subject, found.to_owned(), (!is_good).then_some(fault))
 }
 
 const fn mode_news(is_prompt: bool) -> &'static str {
     if is_prompt { "seen at once" } else { "seen up to 1 s late" }
+}
+
+/// A place that was not compared may be anywhere.
+fn place_fault(inputs: &Inputs, settings: &Settings) -> Option<PreflightFault> {
+    match inputs.disagreement_m {
+        Some(metres) if metres > settings.max_disagreement_m => {
+            Some(PreflightFault::Disagreement { metres })
+        }
+        Some(_) => None,
+        None => Some(PreflightFault::PositionUntold),
+    }
 }
 
 fn heading_check(inputs: &Inputs, settings: &Settings) -> PreflightCheck {

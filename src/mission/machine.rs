@@ -37,6 +37,8 @@ pub struct Mission {
     stuck_since: Option<Stamp<Mono>>,
     /// Since when the autopilot believes to be elsewhere, or turned.
     disagrees_since: Option<Stamp<Mono>>,
+    /// Since when the autopilot's place cannot be compared.
+    untold_since: Option<Stamp<Mono>>,
     /// Since when the vehicle is not where its trajectory has it.
     off_track_since: Option<Stamp<Mono>>,
     /// Holds of this flight because of that.
@@ -77,6 +79,7 @@ impl Mission {
             lost_since: None,
             stuck_since: None,
             disagrees_since: None,
+            untold_since: None,
             off_track_since: None,
             n_off_track: 0,
             empty_since: None,
@@ -201,7 +204,7 @@ impl Mission {
         if self.yields_to_others(inputs, effects) {
             return;
         }
-        if self.lands_on_disagreement(inputs, effects) {
+        if self.lands_on_disagreement(inputs, effects) || self.lands_untold(inputs, effects) {
             return;
         }
         match self.phase {

@@ -16,8 +16,10 @@ use std::time::Duration;
 /// Setpoints are sampled this long ahead: half of the 33 ms that each is in force, and what link
 /// and autopilot take until they act on it. Without it the vehicle lags 7 cm behind at 2 m/s.
 const STEER_LEAD: Duration = Duration::from_millis(30);
-/// Without a beam for this long the LiDAR counts as silent.
+/// Without a beam of a turning head for this long the LiDAR counts as silent …
 const LIDAR_SILENT_AFTER: Duration = Duration::from_secs(2);
+/// … and as long without one that measures something: dark or wet ground may swallow them for a while.
+const LIDAR_BLIND_AFTER: Duration = Duration::from_secs(5);
 /// An older battery message says nothing; PX4 sends one every two seconds.
 const BATTERY_OLD_AFTER: Duration = Duration::from_secs(10);
 /// The end of a trajectory counts as reached within this distance, m.
@@ -30,6 +32,10 @@ const DISAGREEMENT_OLD_AFTER: Duration = Duration::from_secs(1);
 const JUMP_FOLLOWED_M: f64 = 0.3;
 /// An own place older than this says nothing of where the vehicle is now: at 2 m/s, 0.3 m.
 const PLACE_OLD_AFTER: Duration = Duration::from_millis(150);
+/// An older place is of no use to the autopilot: its filter looks back no further.
+const ODOMETRY_OLD_AFTER: Duration = Duration::from_millis(300);
+/// Without an inertial sample for this long there are none.
+const SAMPLES_SILENT_AFTER: Duration = Duration::from_secs(1);
 /// Speed of a landing that the autopilot flies, m/s.
 const LANDING_MPS: f64 = 0.5;
 
@@ -77,7 +83,11 @@ impl Pilot {
             is_autopilot_lost: self.is_autopilot_lost,
             has_position: self.localizer.is_trusted(self.now) && !self.sample_lag.is_late(),
             is_late: self.sample_lag.is_late(),
-            has_lidar: self.last_beam_at.is_some_and(|at| self.now.since(at) < LIDAR_SILENT_AFTER),
+            has_samples: self
+                .localizer
+                .last_sample_at()
+                .is_some_and(|at| self.now.since(at) < SAMPLES_SILENT_AFTER),
+            has_lidar: self.measures(),
             battery_ratio: self
                 .battery
                 .filter(|battery| self.now.since(battery.at) < BATTERY_OLD_AFTER)
@@ -107,6 +117,14 @@ impl Pilot {
             is_at_target: self.is_at_target(),
             storage: self.storage,
         }
+    }
+
+    /// True while the LiDAR measures something.
+    fn measures(&self) -> bool {
+        let is_recent =
+            |at: Option<Stamp<Mono>>, within| at.is_some_and(|at| self.now.since(at) < within);
+        is_recent(self.last_turn_at, LIDAR_SILENT_AFTER)
+            && is_recent(self.last_beam_at, LIDAR_BLIND_AFTER)
     }
 
     /// Compares the two poses once the inertial samples have reached the autopilot's instant.
@@ -352,8 +370,12 @@ impl Pilot {
         }
     }
 
-    pub(super) fn publish_odometry(&self, actions: &mut Vec<Action>) {
-        if let Some(estimate) = self.trusted_estimate() {
+    /// A place of the past would be fused as one of now by an autopilot that goes by the arrival.
+    pub(super) fn publish_odometry(&mut self, actions: &mut Vec<Action>) {
+        let Some(estimate) = self.trusted_estimate() else { return };
+        let is_new = self.published_at.is_none_or(|last| estimate.at > last);
+        if is_new && self.now.since(estimate.at) < ODOMETRY_OLD_AFTER {
+            self.published_at = Some(estimate.at);
             actions.push(Action::PublishOdometry(Box::new(estimate)));
         }
     }

@@ -2,7 +2,7 @@
 
 use super::reader::{LogItem, LogReader};
 use super::replay::ReplayError;
-use super::topic::Topic;
+use super::surveys::{SurveyPlace, read_surveys};
 use super::twin::{AccountsTwin, SurfaceTwin};
 use crate::messages::{HeightMap, VolumeAccount};
 use serde::Deserialize;
@@ -10,11 +10,19 @@ use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 
-/// The newest volumes of a log.
+/// The newest volumes of a survey.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LoggedAccounts {
     /// The effective configuration, TOML.
     pub config_toml: String,
+    /// Which survey of the log it is.
+    pub place: SurveyPlace,
+    /// When it began, RFC 3339 in UTC, if that was noted.
+    pub started_utc: Option<String>,
+    /// Version of the program that flew.
+    pub version: String,
+    /// Build of that program.
+    pub build: String,
     /// The whole region first, then its bays; empty if nothing was measured.
     pub accounts: Vec<VolumeAccount>,
     /// The newest surface.
@@ -25,49 +33,37 @@ pub struct LoggedAccounts {
     pub is_complete: bool,
 }
 
-/// Reads the newest volumes of a log.
+/// Reads the volumes of the last survey of a log that has some.
 ///
 /// # Errors
-/// The log cannot be opened, holds no configuration, or holds volumes that this build cannot read.
+/// As [`read_accounts_of`].
 pub fn read_accounts(log: &Path) -> Result<LoggedAccounts, ReplayError> {
-    let mut reader = LogReader::<BufReader<File>>::open(log)?;
-    let Some(LogItem::Config { config_toml, .. }) = reader.next() else {
-        return Err(ReplayError::NoConfig { damage: reader.damage().map(str::to_owned) });
-    };
-    let mut newest = None;
-    let mut surface = None;
-    let mut is_final = false;
-    for item in reader.by_ref() {
-        match item {
-            LogItem::Result { topic: Topic::Accounts, json, .. } => {
-                newest = Some(json);
-                is_final = false;
-            }
-            LogItem::Result { topic: Topic::Surface, json, .. } => surface = Some(json),
-            LogItem::Result { topic: Topic::Ended, json, .. } => {
-                is_final = newest.is_some() && serde_json::from_slice::<Ended>(&json)?.is_final;
-            }
-            _ => {}
-        }
-    }
-    let accounts = newest.map_or(Ok(Vec::new()), |json| {
-        serde_json::from_slice::<AccountsTwin>(&json).map(AccountsTwin::into_accounts)
+    read_accounts_of(log, None)
+}
+
+/// Reads the newest volumes of the survey with this number in the log, or of the last one.
+///
+/// # Errors
+/// The log cannot be opened, holds no configuration, has no survey of this number, or holds volumes that
+/// this build cannot read.
+pub fn read_accounts_of(log: &Path, number: Option<usize>) -> Result<LoggedAccounts, ReplayError> {
+    let contents = read_surveys(log)?;
+    let survey = contents.survey(number)?.cloned().unwrap_or_default();
+    let accounts = survey.accounts.as_deref().map_or(Ok(Vec::new()), |json| {
+        serde_json::from_slice::<AccountsTwin>(json).map(AccountsTwin::into_accounts)
     })?;
-    let surface = surface.map(|json| read_surface(&json)).transpose()?;
-    let is_complete = reader.is_complete();
-    Ok(LoggedAccounts { config_toml, accounts, surface, is_final, is_complete })
-}
-
-/// Of the end of a flight, whether its last solve has told these volumes; logs from before it was noted say
-/// nothing, and count as if it had.
-#[derive(Deserialize)]
-struct Ended {
-    #[serde(default = "yes")]
-    is_final: bool,
-}
-
-const fn yes() -> bool {
-    true
+    let surface = survey.surface.as_deref().map(read_surface).transpose()?;
+    Ok(LoggedAccounts {
+        started_utc: contents.started_utc(&survey.place),
+        place: survey.place,
+        version: contents.version,
+        build: contents.build,
+        config_toml: contents.config_toml,
+        accounts,
+        surface,
+        is_final: survey.is_final,
+        is_complete: contents.is_complete,
+    })
 }
 
 #[derive(Deserialize)]

@@ -6,12 +6,13 @@
 //! bit.
 
 use super::accounts::read_surface;
-use super::entry::encode_action;
+use super::entry::{RecordedEvent, encode_action};
 use super::reader::{LogItem, LogReader};
 use super::replay::ReplayError;
+use super::surveys::{SurveyPlace, read_surveys};
 use super::topic::Topic;
 use super::twin::AccountsTwin;
-use crate::messages::{HeightMap, VolumeAccount};
+use crate::messages::{HeightMap, HitCounts, VolumeAccount};
 use crate::pilot::{Action, Event, Job, JobId, Pilot};
 use crate::time::{Mono, Stamp};
 use std::collections::BTreeMap;
@@ -22,6 +23,8 @@ use std::path::Path;
 
 /// Sees what the brain is told and what it gives out.
 pub trait Watcher {
+    /// The survey that is asked for begins with the next event: what came before belongs to others.
+    fn begin(&mut self);
     /// The brain is about to be told this.
     fn event(&mut self, event: &Event);
     /// The brain has given this out at the time of its newest event.
@@ -54,15 +57,21 @@ pub struct FlownAgain {
     pub began_at: Stamp<Mono>,
     /// When the last event was taken in.
     pub last_at: Stamp<Mono>,
+    /// Which survey of the log it is.
+    pub place: SurveyPlace,
+    /// Civil time at the survey's beginning, RFC 3339 in UTC, if the log's was noted.
+    pub started_utc: Option<String>,
+    /// Where the beams of earlier surveys went.
+    pub earlier_hits: HitCounts,
     /// Events fed; none in what `stockpilot merge` has written.
     pub n_events: u64,
-    /// The newest volumes as they were recorded.
+    /// The survey's newest volumes as they were recorded.
     pub recorded: LoggedVolumes,
     /// The newest volumes and surface came out as they were recorded, to the last bit.
     pub is_reproduced: bool,
     /// The log has its proper end and no gap.
     pub is_complete: bool,
-    /// The brain after the last event.
+    /// The brain after the survey's last event.
     pub pilot: Pilot,
 }
 
@@ -83,66 +92,70 @@ impl Newest {
     }
 }
 
-/// Flies a log again with the brain that `make_pilot` builds from the recorded configuration (TOML).
+/// Flies a log again, up to the end of the survey with this number or of the last one, with the brain
+/// that `make_pilot` builds from the recorded configuration (TOML).
 ///
 /// # Errors
-/// The log cannot be opened or holds no configuration, no brain can be built from it, or it holds
-/// volumes that this build cannot read.
+/// The log cannot be opened or holds no configuration, has no survey of this number, no brain can be built
+/// from it, or it holds volumes that this build cannot read.
 pub fn fly_again<E>(
     log: &Path,
+    number: Option<usize>,
     make_pilot: impl FnOnce(&str) -> Result<Pilot, E>,
     watcher: &mut impl Watcher,
 ) -> Result<FlownAgain, ReplayError>
 where
     E: Into<Box<dyn Error + Send + Sync>>,
 {
+    let contents = read_surveys(log)?;
+    let survey = contents.survey(number)?.cloned().unwrap_or_default();
+    let is_last = survey.place.number == contents.surveys.len();
+    let pilot =
+        make_pilot(&contents.config_toml).map_err(|error| ReplayError::Config(error.into()))?;
+    let mut flight = Flight::new(pilot, watcher);
     let mut reader = LogReader::<BufReader<File>>::open(log)?;
-    let Some(LogItem::Config { version, build, config_toml }) = reader.next() else {
-        return Err(ReplayError::NoConfig { damage: reader.damage().map(str::to_owned) });
-    };
-    let pilot = make_pilot(&config_toml).map_err(|error| ReplayError::Config(error.into()))?;
-    let mut flight = Flight {
-        pilot,
-        watcher,
-        jobs: BTreeMap::new(),
-        computed: Newest::default(),
-        last_at: Stamp::ZERO,
-        n_events: 0,
-    };
-    let (mut recorded, mut is_final) = (Newest::default(), false);
-    for item in reader.by_ref() {
+    let until = if survey.place.number == 0 { u64::MAX } else { survey.events.end };
+    for (item_event, item) in numbered(reader.by_ref()) {
         match item {
+            LogItem::Event { .. } if item_event == until => break,
             LogItem::Event { at, event } => {
-                let jobs = &mut flight.jobs;
-                let Some(event) = event.for_brain(|id| jobs.remove(&id)) else { continue };
-                flight.take(at, event)?;
-            }
-            LogItem::Result { topic, json, .. } => {
-                match topic {
-                    Topic::Accounts => is_final = false,
-                    Topic::Ended => is_final = recorded.accounts.is_some(),
-                    _ => {}
+                if item_event == survey.events.start {
+                    flight.begin();
                 }
-                recorded.take(topic, json);
+                flight.take_recorded(at, event)?;
             }
             // What the brain was told there is unknown, and so is all that would follow.
             LogItem::Lost { .. } => break,
-            LogItem::Config { .. } => {}
+            LogItem::Config { .. } | LogItem::Result { .. } => {}
         }
     }
-    let Flight { pilot, computed, last_at, n_events, .. } = flight;
+    let is_complete = if is_last { contents.is_complete } else { !reader.has_gaps() };
+    let recorded = Newest { accounts: survey.accounts, surface: survey.surface };
+    let Flight { pilot, computed, last_at, n_events, earlier_hits, .. } = flight;
     Ok(FlownAgain {
-        version,
-        build,
-        config_toml,
-        notes: reader.notes().clone(),
-        began_at: reader.began_at().unwrap_or_default(),
+        started_utc: contents.started_utc(&survey.place),
+        place: survey.place,
+        version: contents.version,
+        build: contents.build,
+        config_toml: contents.config_toml,
+        notes: contents.notes,
+        began_at: contents.began_at,
         last_at,
         n_events,
+        earlier_hits,
         is_reproduced: n_events > 0 && computed == recorded,
-        recorded: read(&recorded, is_final)?,
-        is_complete: reader.is_complete(),
+        recorded: read(&recorded, survey.is_final)?,
+        is_complete,
         pilot,
+    })
+}
+
+/// The items with the number of events before them.
+fn numbered(items: impl Iterator<Item = LogItem>) -> impl Iterator<Item = (u64, LogItem)> {
+    items.scan(0, |n_events, item| {
+        let before = *n_events;
+        *n_events += u64::from(matches!(item, LogItem::Event { .. }));
+        Some((before, item))
     })
 }
 
@@ -162,9 +175,38 @@ struct Flight<'a, W> {
     computed: Newest,
     last_at: Stamp<Mono>,
     n_events: u64,
+    earlier_hits: HitCounts,
 }
 
-impl<W: Watcher> Flight<'_, W> {
+impl<'a, W: Watcher> Flight<'a, W> {
+    fn new(pilot: Pilot, watcher: &'a mut W) -> Self {
+        Self {
+            pilot,
+            watcher,
+            jobs: BTreeMap::new(),
+            computed: Newest::default(),
+            last_at: Stamp::ZERO,
+            n_events: 0,
+            earlier_hits: HitCounts::default(),
+        }
+    }
+
+    /// The survey that is asked for begins.
+    fn begin(&mut self) {
+        self.watcher.begin();
+        self.computed = Newest::default();
+        self.earlier_hits = self.pilot.mapper().counts();
+    }
+
+    fn take_recorded(
+        &mut self,
+        at: Stamp<Mono>,
+        event: RecordedEvent,
+    ) -> Result<(), serde_json::Error> {
+        let event = event.for_brain(|id| self.jobs.remove(&id));
+        event.map_or(Ok(()), |event| self.take(at, event))
+    }
+
     fn take(&mut self, at: Stamp<Mono>, event: Event) -> Result<(), serde_json::Error> {
         self.last_at = at;
         self.n_events += 1;

@@ -1,11 +1,17 @@
 //! Which build is running.
 
+/// The source commit of this program, if the build was told it.
+#[must_use]
+pub const fn build_commit() -> Option<&'static str> {
+    option_env!("STOCKPILOT_COMMIT")
+}
+
 /// Version, source commit, target and profile of this program.
 ///
 /// The commit is the value of `STOCKPILOT_COMMIT` in the environment of the build, if it was set.
 #[must_use]
 pub fn build_identity() -> String {
-    let commit = option_env!("STOCKPILOT_COMMIT").unwrap_or("commit not stamped");
+    let commit = build_commit().unwrap_or("commit not stamped");
     let profile = if cfg!(debug_assertions) { "debug" } else { "release" };
     let (arch, os) = (std::env::consts::ARCH, std::env::consts::OS);
     format!("{} ({commit}, {arch}-{os}, {profile})", env!("CARGO_PKG_VERSION"))

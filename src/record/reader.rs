@@ -112,8 +112,8 @@ impl<R: Read> LogReader<R> {
         }
     }
 
-    /// What was noted at the head of the file, such as civil time at its start; known once the first
-    /// item was read.
+    /// What was noted in the file so far: civil time at its start, known once the first item was read; which
+    /// LiDAR answers, further on.
     #[must_use]
     pub const fn notes(&self) -> &BTreeMap<String, String> {
         &self.notes

@@ -7,12 +7,13 @@ use crate::geometry::{Body, Lidar, Transform};
 use crate::messages::Declaration;
 use crate::pilot::{Action, Event};
 use crate::time::{Mono, Stamp};
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, BufWriter, Seek, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, channel, sync_channel};
-use std::sync::{Arc, mpsc};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, mpsc};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
@@ -64,6 +65,7 @@ pub struct Recorder {
     metronome_stop: Option<mpsc::Sender<()>>,
     threads: Vec<JoinHandle<()>>,
     counts: Arc<Counts>,
+    notes: LogNotes,
     lost_here: u64,
     last_lost_at: Stamp<Mono>,
     waits: bool,
@@ -97,6 +99,22 @@ impl RecorderHealth {
     #[must_use]
     pub fn stats(&self) -> RecorderStats {
         self.0.stats()
+    }
+}
+
+/// What becomes known only while the log is written, such as which sensor answers; goes to the file with the next
+/// flush. Another note of the same name takes the place of the earlier one for readers.
+#[derive(Debug, Clone, Default)]
+pub struct LogNotes(Arc<Mutex<BTreeMap<String, String>>>);
+
+impl LogNotes {
+    /// Adds a note.
+    pub fn add(&self, name: &str, note: &str) {
+        self.pending().insert(name.to_owned(), note.to_owned());
+    }
+
+    fn pending(&self) -> MutexGuard<'_, BTreeMap<String, String>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -160,9 +178,15 @@ impl Recorder {
     {
         let (queue, jobs) = sync_channel(QUEUE_ENTRIES);
         let (metronome_stop, stopped) = channel();
-        let counts = Arc::new(Counts::default());
-        let scribe =
-            Scribe { log: Some(log), viewed, sync, n_unflushed: 0, counts: Arc::clone(&counts) };
+        let (counts, notes) = (Arc::new(Counts::default()), LogNotes::default());
+        let scribe = Scribe {
+            log: Some(log),
+            viewed,
+            sync,
+            n_unflushed: 0,
+            counts: Arc::clone(&counts),
+            notes: notes.clone(),
+        };
         let beats = queue.clone();
         let threads = vec![
             thread::Builder::new().name("log".into()).spawn(move || scribe.run(&jobs))?,
@@ -177,6 +201,7 @@ impl Recorder {
             metronome_stop,
             threads,
             counts,
+            notes,
             lost_here: 0,
             last_lost_at: Stamp::ZERO,
             waits: false,
@@ -216,6 +241,12 @@ impl Recorder {
     #[must_use]
     pub fn health(&self) -> RecorderHealth {
         RecorderHealth(Arc::clone(&self.counts))
+    }
+
+    /// Where somebody else leaves notes, also after the end, when nobody reads them any more.
+    #[must_use]
+    pub fn notes(&self) -> LogNotes {
+        self.notes.clone()
     }
 
     /// Writes what waits, ends the file, and tells the final counts.
@@ -297,6 +328,7 @@ struct Scribe<W: Write + Seek, S> {
     sync: S,
     n_unflushed: u64,
     counts: Arc<Counts>,
+    notes: LogNotes,
 }
 
 impl<W: Write + Seek, S: FnMut() -> io::Result<()>> Scribe<W, S> {
@@ -308,6 +340,7 @@ impl<W: Write + Seek, S: FnMut() -> io::Result<()>> Scribe<W, S> {
                 Job::Flush => self.flush(),
             }
         }
+        self.write_notes();
         if let Some(log) = self.log.take() {
             let ended = log.finish();
             self.settle(ended);
@@ -346,7 +379,16 @@ impl<W: Write + Seek, S: FnMut() -> io::Result<()>> Scribe<W, S> {
         }
     }
 
+    fn write_notes(&mut self) {
+        let notes = std::mem::take(&mut *self.notes.pending());
+        let Some(log) = self.log.as_mut().filter(|_| !notes.is_empty()) else { return };
+        if let Err(error) = log.write_notes(notes) {
+            self.settle(Err(error));
+        }
+    }
+
     fn flush(&mut self) {
+        self.write_notes();
         let Some(log) = &mut self.log else { return };
         let flushed = log.flush();
         self.settle(flushed);

@@ -13,7 +13,7 @@ use std::collections::{BTreeMap, VecDeque};
 use std::error::Error;
 use std::fs::File;
 use std::io::{self, BufReader, Read};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Why a log could not be replayed at all.
 #[derive(Debug, thiserror::Error)]
@@ -30,6 +30,22 @@ pub enum ReplayError {
     /// No brain can be built from the recorded configuration.
     #[error("the recorded configuration does not work with this build: {0}")]
     Config(#[source] Box<dyn Error + Send + Sync>),
+    /// The log has no survey of this number.
+    #[error("there is no survey {wanted} in the log: it holds {n_in_log}")]
+    NoSuchSurvey {
+        /// What was asked for.
+        wanted: usize,
+        /// How many there are.
+        n_in_log: usize,
+    },
+    /// The decisions beside the log cannot be read.
+    #[error("{}: {cause}", path.display())]
+    Review {
+        /// Which file.
+        path: PathBuf,
+        /// Why.
+        cause: String,
+    },
     /// A result cannot be put into its recorded form.
     #[error("a result cannot be written as JSON: {0}")]
     Json(#[from] serde_json::Error),

@@ -1,24 +1,26 @@
 //! The folder with the logs: what each holds, what may go when the disk fills, and what never may.
 //!
 //! Names sort by the time of the start, so the first is the oldest. Beside `flight-T.mcap` there may be
-//! `flight-T.reported.json`, which says what was made of it, and `flight-T.empty`, which says that
-//! nobody took off while it was written. A log without either is a survey that nobody has reported,
-//! and stays.
+//! `flight-T.reported.json`, which says what was made of which of its surveys, and `flight-T.empty`, which
+//! says that nobody took off while it was written. A log without either holds a survey that nobody has
+//! reported, and stays; so does one that was flown with since.
+
+mod mark;
+
+pub use mark::{Seen, mark_reported};
 
 use super::reader::{LogItem, LogReader};
+use super::surveys::{TO_TAKE_OFF, holds};
 use super::topic::Topic;
 use super::writer::CHUNK_BYTES;
 use crate::messages::Room;
-use atomic_write_file::AtomicWriteFile;
+use mark::Mark;
 use serde::Serialize;
 use std::collections::BTreeSet;
-use std::io::{self, BufReader, Write as _};
+use std::io::{self, BufReader};
 use std::path::{Path, PathBuf};
 
-const REPORTED: &str = "reported.json";
 const EMPTY: &str = "empty";
-/// The part of a recorded step of the mission that makes a log one of a flight.
-const TO_TAKE_OFF: &[u8] = br#""to":"take_off""#;
 /// What a power cut leaves unreadable at the end: one chunk, begun and not finished. A chunk shrinks when it
 /// is compressed; the quarter more is for its index and for the message that filled it.
 const LONGEST_CUT_BYTES: u64 = CHUNK_BYTES + CHUNK_BYTES / 4;
@@ -29,9 +31,10 @@ const LONGEST_CUT_BYTES: u64 = CHUNK_BYTES + CHUNK_BYTES / 4;
 pub enum Standing {
     /// Nobody took off while it was written.
     Empty,
-    /// A survey of which a report, an audit pack or an entry in the books was made.
+    /// Of each of its surveys a report was made, or all of it lies in an audit pack or was released. An
+    /// entry in the books is not enough: books hold volumes, not what they rest on.
     Reported,
-    /// A survey that nobody has reported, or a log that was not looked at yet.
+    /// It holds a survey that nobody has reported, or was not looked into yet.
     Kept,
 }
 
@@ -46,13 +49,6 @@ pub struct ShelvedLog {
     pub standing: Standing,
 }
 
-/// What a mark beside a log says.
-#[derive(Debug, Serialize)]
-struct Mark<'a> {
-    what: &'a str,
-    at_utc: String,
-}
-
 /// The logs in a folder, the oldest first.
 ///
 /// # Errors
@@ -65,16 +61,17 @@ pub fn shelved_logs(folder: &Path) -> io::Result<Vec<ShelvedLog>> {
         // A log that somebody takes away meanwhile is gone.
         let Ok(about) = std::fs::metadata(&path) else { continue };
         if is_log && about.is_file() {
-            let standing = standing_of(&path);
-            logs.push(ShelvedLog { path, bytes: about.len(), standing });
+            let (bytes, standing) = (about.len(), standing_of(&path, about.len()));
+            logs.push(ShelvedLog { path, bytes, standing });
         }
     }
     logs.sort_by(|a, b| a.path.cmp(&b.path));
     Ok(logs)
 }
 
-fn standing_of(log: &Path) -> Standing {
-    if log.with_extension(REPORTED).exists() {
+/// What the marks beside a log say of it, without looking into it.
+fn standing_of(log: &Path, n_bytes: u64) -> Standing {
+    if Mark::beside(log).is_some_and(|mark| mark.is_of_all(n_bytes)) {
         Standing::Reported
     } else if log.with_extension(EMPTY).exists() {
         Standing::Empty
@@ -83,16 +80,17 @@ fn standing_of(log: &Path) -> Standing {
     }
 }
 
-/// Marks a survey as reported: from now on its log may be deleted when the disk fills.
+/// Looks into a log of which the marks say nothing: whether somebody flew, and whether each survey in it is
+/// one of which something was made. Reads the whole log: takes seconds.
 ///
 /// # Errors
-/// What the disk says, above all that the log lies where nothing can be written.
-pub fn mark_reported(log: &Path, what: &str) -> io::Result<()> {
-    let mark = Mark { what, at_utc: jiff::Timestamp::now().to_string() };
-    let mut file = AtomicWriteFile::open(log.with_extension(REPORTED))?;
-    serde_json::to_writer(&mut file, &mark)?;
-    file.write_all(b"\n")?;
-    file.commit()
+/// The log cannot be opened.
+pub fn standing_within(log: &Path) -> io::Result<Standing> {
+    let Some(mark) = Mark::beside(log) else {
+        return Ok(if has_flown(log)? { Standing::Kept } else { Standing::Empty });
+    };
+    let seen = Seen::look(log)?;
+    Ok(if mark.knows(&seen) { Standing::Reported } else { Standing::Kept })
 }
 
 /// True if somebody took off while the log was written, or if that cannot be known: its head is unreadable, it
@@ -104,12 +102,12 @@ pub fn mark_reported(log: &Path, what: &str) -> io::Result<()> {
 ///
 /// # Errors
 /// The log cannot be opened.
-pub fn has_flown(log: &Path) -> io::Result<bool> {
+fn has_flown(log: &Path) -> io::Result<bool> {
     let n_bytes = std::fs::metadata(log)?.len();
     let mut reader = LogReader::<BufReader<std::fs::File>>::open(log)?;
     for item in reader.by_ref() {
         if let LogItem::Result { topic: Topic::Phase, json, .. } = item
-            && json.windows(TO_TAKE_OFF.len()).any(|part| part == TO_TAKE_OFF)
+            && holds(&json, TO_TAKE_OFF)
         {
             return Ok(true);
         }
@@ -117,9 +115,13 @@ pub fn has_flown(log: &Path) -> io::Result<bool> {
     if reader.is_complete() {
         return Ok(false);
     }
-    let n_unread = n_bytes.saturating_sub(reader.readable_bytes());
-    let is_cut_off = reader.began_at().is_some() && n_unread <= LONGEST_CUT_BYTES;
+    let is_cut_off = reader.began_at().is_some() && is_cut(n_bytes, reader.readable_bytes());
     Ok(reader.has_gaps() || !is_cut_off)
+}
+
+/// True if what cannot be read of a file is no more than a cut leaves.
+const fn is_cut(n_bytes: u64, readable_bytes: u64) -> bool {
+    n_bytes.saturating_sub(readable_bytes) <= LONGEST_CUT_BYTES
 }
 
 /// How the folder is looked after.
@@ -164,7 +166,7 @@ pub struct Shelf {
     folder: PathBuf,
     /// The log that is being written.
     current: PathBuf,
-    /// Logs that were looked at and hold a flight.
+    /// Logs that were looked into and hold a survey to report.
     flown: BTreeSet<PathBuf>,
 }
 
@@ -204,21 +206,25 @@ impl Shelf {
         Ok(deleted)
     }
 
-    /// Finds the logs without a flight among those that nobody has looked into.
+    /// Finds the logs that may go among those of which the marks say nothing.
     fn look_into(&mut self, logs: &mut [ShelvedLog]) {
         for log in logs.iter_mut().filter(|log| log.standing == Standing::Kept) {
             if self.flown.contains(&log.path) {
                 continue;
             }
             // One that cannot be read is kept, and the others are looked into all the same.
-            if has_flown(&log.path).unwrap_or(true) {
-                self.flown.insert(log.path.clone());
-                continue;
-            }
-            log.standing = Standing::Empty;
-            // The mark spares the next start the reading; a full disk may have no room for it.
-            if let Err(error) = std::fs::write(log.path.with_extension(EMPTY), b"") {
-                tracing::debug!(%error, log = %log.path.display(), "not marked as empty");
+            log.standing = standing_within(&log.path).unwrap_or(Standing::Kept);
+            match log.standing {
+                Standing::Kept => {
+                    self.flown.insert(log.path.clone());
+                }
+                Standing::Reported => {}
+                // The mark spares the next start the reading; a full disk may have no room for it.
+                Standing::Empty => {
+                    if let Err(error) = std::fs::write(log.path.with_extension(EMPTY), b"") {
+                        tracing::debug!(%error, log = %log.path.display(), "not marked as empty");
+                    }
+                }
             }
         }
     }

@@ -103,6 +103,16 @@ impl<W: Write + Seek> LogWriter<W> {
         self.write_encoded(at, &encode(Topic::Lost, &LostTwin { n_entries: n })?)
     }
 
+    /// Adds to what is noted at the head.
+    pub(super) fn write_notes(
+        &mut self,
+        metadata: BTreeMap<String, String>,
+    ) -> Result<(), WriteError> {
+        // Metadata stand between chunks.
+        self.mcap.flush()?;
+        Ok(self.mcap.write_metadata(&Metadata { name: "stockpilot".into(), metadata })?)
+    }
+
     /// Closes the chunk, so that everything before is readable after a kill.
     pub(super) fn flush(&mut self) -> Result<(), WriteError> {
         Ok(self.mcap.flush()?)

@@ -4,10 +4,11 @@ use super::ReportError;
 use super::books::BookDifference;
 use super::facts::{BayFacts, Facts};
 use super::verdict::Verdict;
-use crate::config::Config;
+use crate::config::{BaySection, Config};
 use crate::mapping::statement::COVERAGE_FACTOR;
 use crate::messages::{BudgetSource, GridGeometry, HeightMap, VolumeAccount};
-use crate::survey::{AccountLine, BayChange, Flight, Reproduction};
+use crate::record::Decision;
+use crate::survey::{AccountLine, BayChange, Flight, Reproduction, ids};
 use serde::Serialize;
 
 /// Name and version of the JSON form; keys may be added within a version, not changed.
@@ -18,6 +19,9 @@ pub const SCHEMA: &str = "stockpilot-report-1";
 pub struct ReportData {
     schema: &'static str,
     site: Option<String>,
+    /// The hall as the books call it.
+    hall: Option<String>,
+    hall_id: Option<String>,
     operator: Option<String>,
     /// Of all U in the file.
     coverage_factor: f64,
@@ -48,10 +52,17 @@ struct LogData {
 
 #[derive(Debug, Serialize)]
 struct SurveyData {
+    /// Which of the log's surveys it is, from 1.
+    number: usize,
+    surveys_in_log: usize,
+    log_started_utc: Option<String>,
     started_utc: Option<String>,
     measured_from_utc: Option<String>,
     measured_to_utc: Option<String>,
     is_final: bool,
+    lidar: String,
+    /// What a person decided of it.
+    decision: Option<Decision>,
     waypoints: Option<usize>,
     path_length_m: Option<f64>,
 }
@@ -65,10 +76,25 @@ struct AccountData {
     area_m2: Option<f64>,
     base: String,
     base_expanded_m3: f64,
+    /// Made from the hall's name in the books and the bay's.
+    bay_id: Option<String>,
+    material: Option<String>,
+    material_id: Option<String>,
+    density: Option<DensityData>,
     change: Option<ChangeData>,
     book: Option<BookDifference>,
     verdict: Verdict,
     remarks: Vec<String>,
+}
+
+/// The bulk density, as configured.
+#[derive(Debug, Serialize)]
+struct DensityData {
+    t_per_m3: f64,
+    sigma_t_per_m3: f64,
+    source: Option<String>,
+    date: Option<String>,
+    moisture: Option<String>,
 }
 
 #[derive(Debug, Serialize)]
@@ -141,13 +167,15 @@ impl ReportData {
         Self {
             schema: SCHEMA,
             site: facts.wishes.site.clone(),
+            hall: facts.wishes.hall.clone(),
+            hall_id: facts.hall_id(),
             operator: facts.wishes.operator.clone(),
             coverage_factor: COVERAGE_FACTOR,
             verdict: facts.verdict(),
             remarks: facts.remarks.clone(),
-            log: log(flight, log_sha256),
+            log: log(facts, log_sha256),
             survey: survey(flight),
-            accounts: facts.bays.iter().map(account).collect(),
+            accounts: facts.bays.iter().map(|bay| account(facts, bay)).collect(),
             covariance: covariance(&flight.config, &flight.accounts),
             surface: surface(flight),
             beams: BeamData {
@@ -161,13 +189,14 @@ impl ReportData {
     }
 }
 
-fn log(flight: &Flight, sha256: &str) -> LogData {
+fn log(facts: &Facts, sha256: &str) -> LogData {
+    let flight = &facts.flight;
     LogData {
         file: flight.log.file_name().unwrap_or_default().to_string_lossy().into_owned(),
         sha256: sha256.to_owned(),
         version: flight.version.clone(),
         build: flight.build.clone(),
-        reported_by: crate::record::build_identity(),
+        reported_by: facts.reported_by.clone(),
         complete: flight.is_complete,
         reproduction: match flight.reproduction {
             Reproduction::Identical => "identical",
@@ -182,17 +211,23 @@ fn survey(flight: &Flight) -> SurveyData {
     let between = flight.measured_between();
     let civil = |at| flight.civil(at).map(|at| at.to_string());
     SurveyData {
+        number: flight.place.number,
+        surveys_in_log: flight.place.n_in_log,
+        log_started_utc: flight.log_started.map(|at| at.to_string()),
         started_utc: flight.started.map(|at| at.to_string()),
         measured_from_utc: between.and_then(|(from, _)| civil(from)),
         measured_to_utc: between.and_then(|(_, to)| civil(to)),
         is_final: flight.is_final,
+        lidar: flight.lidar_said(),
+        decision: flight.decision.clone(),
         waypoints: flight.summary.as_ref().map(|summary| summary.steps_done),
         path_length_m: flight.summary.as_ref().map(|summary| summary.path_length_m),
     }
 }
 
-fn account(bay: &BayFacts) -> AccountData {
-    let account = &bay.account;
+fn account(facts: &Facts, bay: &BayFacts) -> AccountData {
+    let (account, section) = (&bay.account, facts.section(bay));
+    let material = section.and_then(|section| section.material.clone());
     AccountData {
         account: AccountLine::from(account),
         expanded_m3: COVERAGE_FACTOR * account.estimate.sigma_m3,
@@ -200,11 +235,25 @@ fn account(bay: &BayFacts) -> AccountData {
         area_m2: bay.area_m2,
         base: bay.base.clone(),
         base_expanded_m3: COVERAGE_FACTOR * bay.base_sigma_m3,
+        bay_id: facts.bay_id(bay),
+        material_id: material.as_deref().map(ids::of_material),
+        material,
+        density: section.and_then(density),
         change: bay.change.as_ref().map(change),
         book: bay.book.clone(),
         verdict: bay.verdict,
         remarks: bay.remarks.clone(),
     }
+}
+
+fn density(section: &BaySection) -> Option<DensityData> {
+    Some(DensityData {
+        t_per_m3: section.density_t_per_m3?,
+        sigma_t_per_m3: section.density_sigma_t_per_m3.unwrap_or(0.0),
+        source: section.density_source.clone(),
+        date: section.density_date.clone(),
+        moisture: section.moisture.clone(),
+    })
 }
 
 fn change(bay: &BayChange) -> ChangeData {
@@ -340,6 +389,14 @@ struct Row<'a> {
     book_is_significant: Option<bool>,
     remarks: String,
     log_sha256: &'a str,
+    survey_id: String,
+    hall_id: Option<String>,
+    bay_id: Option<String>,
+    material_id: Option<String>,
+    material: Option<&'a str>,
+    density_source: Option<&'a str>,
+    density_date: Option<&'a str>,
+    moisture: Option<&'a str>,
 }
 
 /// One row for each volume, the whole region first.
@@ -360,6 +417,9 @@ fn row<'a>(facts: &'a Facts, bay: &'a BayFacts, log_sha256: &'a str) -> Row<'a> 
     let civil = |at| facts.flight.civil(at).map(|at| at.to_string());
     let change = bay.change.as_ref().map(|bay| &bay.change);
     let book = bay.book.as_ref();
+    let section = facts.section(bay);
+    let word = |of: fn(&BaySection) -> &Option<String>| section.and_then(|bay| of(bay).as_deref());
+    let material = word(|section| &section.material);
     let book_in = |unit: &str| book.filter(|book| book.unit == unit).map(|book| book.book);
     Row {
         site: facts.wishes.site.as_deref().unwrap_or(""),
@@ -388,5 +448,13 @@ fn row<'a>(facts: &'a Facts, bay: &'a BayFacts, log_sha256: &'a str) -> Row<'a> 
         book_is_significant: book.map(|book| book.is_significant),
         remarks: bay.remarks.join("; "),
         log_sha256,
+        survey_id: ids::of_survey(log_sha256, facts.flight.place.number),
+        hall_id: facts.hall_id(),
+        bay_id: facts.bay_id(bay),
+        material_id: material.map(ids::of_material),
+        material,
+        density_source: word(|section| &section.density_source),
+        density_date: word(|section| &section.density_date),
+        moisture: word(|section| &section.moisture),
     }
 }

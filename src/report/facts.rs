@@ -4,23 +4,28 @@
 use super::ReportError;
 use super::books::{self, Amount, BookDifference, BookEntry, BookError};
 use super::verdict::{Target, Verdict};
-use crate::config::BaseSection;
+use crate::config::{BaseSection, BaySection};
 use crate::mapping::bay::WHOLE_REGION;
 use crate::mapping::statement::Statement;
 use crate::messages::{BudgetSource, VolumeAccount};
-use crate::survey::{BayChange, ChangeReport, Flight, Reproduction, Survey, compare};
+use crate::record::Decision;
+use crate::survey::{BayChange, ChangeReport, Flight, Origin, Reproduction, Survey, compare, ids};
 
 /// What a report is asked for.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Wishes {
     /// What the site is called; stays the same in all reports of it.
     pub site: Option<String>,
+    /// What the hall is called in the books: its id and those of its bays are made from this.
+    pub hall: Option<String>,
     /// Who flew.
     pub operator: Option<String>,
     /// How sure volumes must be.
     pub target: Target,
     /// An earlier survey of the same bays.
     pub against: Option<Survey>,
+    /// Errors that the surveys do not share although their configurations are equal.
+    pub independent: Vec<Origin>,
     /// What the books say.
     pub books: Vec<BookEntry>,
     /// How often noise may be called significant, for each line by itself.
@@ -61,6 +66,8 @@ pub struct Facts {
     pub changes: Option<ChangeReport>,
     /// What is to be known of the survey as a whole.
     pub remarks: Vec<String>,
+    /// The build that reports, in all forms of the report.
+    pub reported_by: String,
 }
 
 /// Share of the hits that may be of dust, edges and machines before it is remarked.
@@ -74,12 +81,27 @@ impl Facts {
     /// # Errors
     /// An earlier survey of something else, or books that do not fit.
     pub fn new(flight: Flight, wishes: Wishes) -> Result<Self, ReportError> {
+        Self::reported_by(crate::record::build_identity(), flight, wishes)
+    }
+
+    /// The same, as another build has said it: to make its report again.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn reported_by(
+        reported_by: String,
+        flight: Flight,
+        wishes: Wishes,
+    ) -> Result<Self, ReportError> {
         let changes = match &wishes.against {
             None => None,
-            Some(earlier) => Some(compare(earlier, &flight.survey(), wishes.risk, &[])?),
+            Some(earlier) => {
+                let independent = &wishes.independent;
+                Some(compare(earlier, &flight.survey(), wishes.risk, independent)?)
+            }
         };
         check_books(&flight, &wishes.books)?;
-        let remarks = remarks(&flight);
+        let remarks = remarks(&flight, &reported_by);
         let areas_m2: Vec<f64> =
             flight.bays_on_surface().iter().map(|bay| bay.base.area_m2()).collect();
         let bays = flight.accounts.iter().enumerate().map(|(index, account)| {
@@ -91,7 +113,10 @@ impl Facts {
             let book = entry.map(|entry| compared(entry.amount)).transpose()?;
             let mut of_bay = bay_remarks(&flight, account);
             let has_remarks = !remarks.is_empty() || !of_bay.is_empty();
-            let (verdict, own) = wishes.target.judge(account, flight.is_final, has_remarks);
+            let (mut verdict, own) = wishes.target.judge(account, flight.is_final, has_remarks);
+            if flight.decision.as_ref().is_some_and(Decision::is_rejection) {
+                verdict = Verdict::Repeat;
+            }
             of_bay.extend(own);
             Ok(BayFacts {
                 account: account.clone(),
@@ -105,7 +130,25 @@ impl Facts {
             })
         });
         let bays = bays.collect::<Result<_, BookError>>()?;
-        Ok(Self { bays, changes, remarks, flight, wishes })
+        Ok(Self { bays, changes, remarks, flight, wishes, reported_by })
+    }
+
+    /// The hall's id in the books, where the hall is named.
+    #[must_use]
+    pub fn hall_id(&self) -> Option<String> {
+        self.wishes.hall.as_deref().map(ids::of_hall)
+    }
+
+    /// A bay's id in the books, where the hall is named.
+    #[must_use]
+    pub fn bay_id(&self, bay: &BayFacts) -> Option<String> {
+        Some(ids::of_bay(&self.hall_id()?, &bay.account.name))
+    }
+
+    /// A bay as configured; none for the whole hall beside its bays.
+    #[must_use]
+    pub fn section(&self, bay: &BayFacts) -> Option<&BaySection> {
+        self.flight.config.bays.iter().find(|section| section.name == bay.account.name)
     }
 
     /// The verdict on all of it: the worst.
@@ -147,17 +190,19 @@ fn check_books(flight: &Flight, entries: &[BookEntry]) -> Result<(), BookError> 
 
 /// What is to be known of the survey as a whole.
 #[expect(clippy::cast_precision_loss, reason = "counts of one flight")]
-fn remarks(flight: &Flight) -> Vec<String> {
+fn remarks(flight: &Flight, reported_by: &str) -> Vec<String> {
     let mut remarks = Vec::new();
+    if let Some(decision) = flight.decision.as_ref().filter(|decision| decision.is_rejection()) {
+        remarks.push(format!("the survey was {}", decision.said()));
+    }
     if !flight.is_complete {
         remarks.push("the log ends early or has gaps".to_owned());
     }
     match flight.reproduction {
         Reproduction::Identical => {}
         Reproduction::Different => remarks.push(format!(
-            "this build ({}) does not compute the recorded volumes again to the last bit; they were \
-             written by {}",
-            crate::record::build_identity(),
+            "this build ({reported_by}) does not compute the recorded volumes again to the last bit; they \
+             were written by {}",
             flight.build
         )),
         Reproduction::ResultsOnly => remarks.push(format!(

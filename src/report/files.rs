@@ -5,6 +5,8 @@ use crate::export::{
     Cloud, ExportError, Surface, crs, esri_grid, geotiff, laz, obj, ply, sha256_of_bytes,
 };
 use std::fmt::Write as _;
+use std::fs::File;
+use std::io::{self, Write as _};
 use std::path::Path;
 
 /// The list of a folder's files, as `sha256sum --check` reads it.
@@ -52,7 +54,7 @@ fn exports(facts: &Facts) -> Result<Vec<ReportFile>, ExportError> {
 }
 
 /// Writes files and the list of their SHA-256 sums into a folder, which must exist; files of the same
-/// names are replaced.
+/// names are replaced. When it returns, they are on the disk: the log may be deleted from then on.
 ///
 /// # Errors
 /// A file that cannot be written.
@@ -63,10 +65,32 @@ pub fn write_files(files: &[ReportFile], folder: &Path) -> Result<(), ReportErro
         let _ok = writeln!(sums, "{}  {name}", sha256_of_bytes(bytes));
         write(&folder.join(name), bytes)?;
     }
-    write(&folder.join(SUMS), sums.as_bytes())
+    write(&folder.join(SUMS), sums.as_bytes())?;
+    sync_folder(folder).map_err(|source| ReportError::File { path: folder.to_owned(), source })
 }
 
 fn write(path: &Path, bytes: &[u8]) -> Result<(), ReportError> {
-    std::fs::write(path, bytes)
-        .map_err(|source| ReportError::File { path: path.to_owned(), source })
+    write_to_disk(path, bytes).map_err(|source| ReportError::File { path: path.to_owned(), source })
+}
+
+/// Writes a file and waits until the disk has it; its name only [`sync_folder`] brings there.
+///
+/// # Errors
+/// What the disk says.
+pub(crate) fn write_to_disk(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let mut file = File::create(path)?;
+    file.write_all(bytes)?;
+    file.sync_all()
+}
+
+/// Brings the names in a folder to the disk, and the folder's own.
+///
+/// # Errors
+/// What the disk says.
+pub(crate) fn sync_folder(folder: &Path) -> io::Result<()> {
+    let folder = folder.canonicalize()?;
+    for folder in folder.ancestors().take(2) {
+        File::open(folder)?.sync_all()?;
+    }
+    Ok(())
 }

@@ -5,6 +5,7 @@ use super::facts::Facts;
 use super::words;
 use crate::mapping::statement::{COVERAGE_FACTOR, Statement};
 use crate::messages::Verdict as FixVerdict;
+use crate::record::{Decision, SurveyPlace};
 use crate::survey::{Flight, Reproduction};
 
 /// Standing text.
@@ -12,8 +13,8 @@ const LIMITS: &str = "The volume is that between the measured surface and the ba
     the configuration counts. U follows the Guide to the Expression of Uncertainty in Measurement (JCGM \
     100:2008): the standard uncertainties of all sources, combined with their correlations, times k = 2. \
     Errors of the configuration itself, such as a bay's outline or a wrong base, are not in it. Tonnes are \
-    the volume times the configured bulk density; its method, date and moisture are not known to the \
-    program. This is not a legal-for-trade measurement.";
+    the volume times the configured bulk density; what is said of its source, date and moisture is as somebody \
+    has written it into the configuration. This is not a legal-for-trade measurement.";
 
 /// Most lines of a list that may grow.
 const MOST_LINES: usize = 12;
@@ -24,7 +25,7 @@ pub(super) fn parts(facts: &Facts, log_sha256: &str) -> Vec<Part> {
         Part::Heading("How it was measured".to_owned()),
         two_columns("Checks of this flight", "Found", checks(flight)),
         Part::Heading("Instrument".to_owned()),
-        two_columns("Part", "What", instrument(flight)),
+        two_columns("Part", "What", instrument(facts)),
     ];
     let densities = densities(flight);
     if !densities.rows.is_empty() {
@@ -71,6 +72,12 @@ fn checks(flight: &Flight) -> Vec<Vec<String>> {
             Reproduction::ResultsOnly => "merged from other logs; not computed again here",
         },
     )];
+    if flight.place.n_in_log > 1 {
+        let SurveyPlace { number, n_in_log, .. } = flight.place;
+        rows.push(row("Survey of the log", format!("number {number} of {n_in_log}")));
+    }
+    let decided = flight.decision.as_ref().map_or_else(|| "none yet".to_owned(), Decision::said);
+    rows.push(row("Decision after the landing", decided));
     let counts = &flight.counts;
     if counts.received > 0 {
         rows.push(row(
@@ -111,14 +118,15 @@ fn checks(flight: &Flight) -> Vec<Vec<String>> {
     rows
 }
 
-fn instrument(flight: &Flight) -> Vec<Vec<String>> {
+fn instrument(facts: &Facts) -> Vec<Vec<String>> {
+    let flight = &facts.flight;
     let config = &flight.config;
     let method = serde_json::to_value(config.surface.method).ok();
     let method =
         method.as_ref().and_then(serde_json::Value::as_str).unwrap_or("unknown").to_owned();
     let region = &config.hall.region;
     vec![
-        row("LiDAR", config.lidar.model.clone()),
+        row("LiDAR", flight.lidar_said()),
         row("Cameras, known tags", format!("{} and {}", config.cameras.len(), config.tags.len())),
         row("Surface", format!("{method}, cells of {} m", config.surface.cell_m)),
         row(
@@ -137,7 +145,7 @@ fn instrument(flight: &Flight) -> Vec<Vec<String>> {
             ),
         ),
         row("Flown with", flight.build.clone()),
-        row("Reported by", crate::record::build_identity()),
+        row("Reported by", facts.reported_by.clone()),
         row(
             "SHA-256 of the configuration",
             crate::export::sha256_of_bytes(flight.config_toml.as_bytes()),
@@ -150,13 +158,24 @@ fn densities(flight: &Flight) -> Table {
         let mean = bay.density_t_per_m3?;
         let sigma = bay.density_sigma_t_per_m3.unwrap_or(0.0);
         let stated = Statement::new(mean, sigma, COVERAGE_FACTOR, "t/m³").ok()?;
-        Some(vec![bay.name.clone(), words::amounts(&stated), "configuration".to_owned()])
+        let said = |word: &Option<String>| word.clone().unwrap_or_else(|| "not stated".to_owned());
+        Some(vec![
+            bay.name.clone(),
+            said(&bay.material),
+            words::amounts(&stated),
+            said(&bay.density_source),
+            said(&bay.density_date),
+            said(&bay.moisture),
+        ])
     });
     Table {
         columns: vec![
-            Column::words("Bay", 2.0),
-            Column::numbers("ρ ± U, t/m³", 1.4),
-            Column::numbers("From", 1.2),
+            Column::words("Bay", 1.3),
+            Column::words("Material", 1.5),
+            Column::numbers("ρ ± U, t/m³", 1.5),
+            Column::words("How it was found", 2.4),
+            Column::words("On", 1.2),
+            Column::words("Moisture", 1.8),
         ],
         rows: rows.collect(),
     }
@@ -183,7 +202,10 @@ fn again(flight: &Flight) -> Vec<String> {
         }
         Reproduction::Identical | Reproduction::Different => vec![
             format!("every result: stockpilot replay {file} --verify"),
-            format!("this report: stockpilot report {file} --out DIR"),
+            format!(
+                "this report: stockpilot report {file} --flight {} --out DIR",
+                flight.place.number
+            ),
         ],
     }
 }

@@ -106,7 +106,8 @@ impl Target {
             "Accepted: U (k = 2) is at most {percent}\u{a0}% of the volume, or {least_m3}\u{a0}m³ where \
              that is more; at most {:.0}\u{a0}% of the volume was not seen or is disturbed; and nothing \
              stands in the remarks. Repeat: U is more than {REPEAT_TARGETS} times that, or more than \
-             {:.0}\u{a0}% was not seen or is disturbed, or the volume is one of a flight under way. \
+             {:.0}\u{a0}% was not seen or is disturbed, or the volume is one of a flight under way, or a person \
+             has rejected the survey. \
              Else: accepted with remark.",
             100.0 * UNMEASURED_REMARK,
             100.0 * UNMEASURED_REPEAT,

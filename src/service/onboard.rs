@@ -7,7 +7,7 @@ use super::{RunningService, Service, ServiceError, ServiceSetup, ServiceStats, S
 use crate::camera::images::{self, ImageDriver, ImageStats, PictureError};
 use crate::camera::{CameraStats, Listener};
 use crate::config::{Config, ConfigError};
-use crate::lidar::{Driver, LidarStatus, OpenError};
+use crate::lidar::{Driver, Identity, LidarStatus, OpenError};
 use crate::pilot::{Event, Pilot};
 use crate::record::{self, LogHeader};
 use crate::time::{Mono, Stamp};
@@ -121,6 +121,8 @@ impl Onboard {
         let (live, running_live) = start_live(config.foxglove_address()?).unzip();
         let begun = begin_log(&log, &header(config, clock.now())?, live);
         let health = begun.as_ref().map(record::Recorder::health);
+        let notes = begun.as_ref().map(record::Recorder::notes).unwrap_or_default();
+        tokio::spawn(note_lidar(lidar.status(), notes));
         let recorder: Box<dyn super::Recorder> = match begun {
             Some(recorder) if waits_for_disk => Box::new(recorder.waiting()),
             Some(recorder) => Box::new(recorder),
@@ -279,6 +281,20 @@ impl Onboard {
         let lidar = lidar.borrow().clone();
         let images = images.iter().map(|stats| stats.borrow().clone()).collect();
         Ok(OnboardStats { service, lidar, camera, images })
+    }
+}
+
+/// Notes in the log which LiDAR answers, each time that another one does: reports name it.
+async fn note_lidar(mut status: watch::Receiver<LidarStatus>, notes: record::LogNotes) {
+    loop {
+        let said = status.borrow_and_update().identity.as_ref().map(Identity::said);
+        if let Some(said) = &said {
+            notes.add("lidar", said);
+        }
+        let is_news = |now: &LidarStatus| now.identity.as_ref().map(Identity::said) != said;
+        if status.wait_for(is_news).await.is_err() {
+            return;
+        }
     }
 }
 

@@ -1,4 +1,4 @@
-//! Everything that a log tells of its last flight, for reports and exports.
+//! Everything that a log tells of one of its surveys, for reports and exports.
 
 use crate::config::{Config, ConfigError};
 use crate::mapping::base::BaseSurface;
@@ -9,7 +9,7 @@ use crate::messages::{
 };
 use crate::pilot::{Action, Event, FlightSummary, JobOutput, PhaseChange, Pilot};
 use crate::record::replay::ReplayError;
-use crate::record::{FlownAgain, Watcher, fly_again};
+use crate::record::{Decision, FlownAgain, SurveyPlace, Watcher, fly_again, read_decision};
 use crate::survey::{Survey, SurveyError};
 use crate::time::{Mono, Stamp};
 use jiff::Timestamp;
@@ -20,7 +20,7 @@ use std::time::Duration;
 /// Points of the flown path are this far apart in time.
 const PATH_STEP: Duration = Duration::from_millis(200);
 
-/// A flight as its log has it, flown again by this build.
+/// A survey as its log has it, its flights flown again by this build.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Flight {
     /// The log.
@@ -35,10 +35,16 @@ pub struct Flight {
     pub config: Config,
     /// The same, as the map takes it.
     pub settings: mapping::Settings,
-    /// Civil time at the log's start, if it was noted.
+    /// Which survey of the log it is.
+    pub place: SurveyPlace,
+    /// Civil time at the survey's START, if the log's was noted.
     pub started: Option<Timestamp>,
+    /// Civil time at the log's start, if it was noted.
+    pub log_started: Option<Timestamp>,
     /// When the log began.
     pub began_at: Stamp<Mono>,
+    /// Which LiDAR answered, if that was noted.
+    pub lidar: Option<String>,
     /// Logs that this one was merged from.
     pub merged_from: Vec<String>,
     /// The whole region first, then its bays, as recorded.
@@ -61,6 +67,8 @@ pub struct Flight {
     pub fixes: FixStatistics,
     /// What the flight came to.
     pub summary: Option<FlightSummary>,
+    /// What a person decided of it.
+    pub decision: Option<Decision>,
     /// How far this build agrees with the record.
     pub reproduction: Reproduction,
     /// The volumes are those after the landing.
@@ -127,6 +135,10 @@ struct Eye {
 }
 
 impl Watcher for Eye {
+    fn begin(&mut self) {
+        *self = Self::default();
+    }
+
     fn event(&mut self, event: &Event) {
         if let Event::Finished { output, .. } = event
             && let JobOutput::SurfaceSolved(Ok(solved)) = output.as_ref()
@@ -158,18 +170,28 @@ impl Watcher for Eye {
 }
 
 impl Flight {
-    /// Reads a log and flies it again.
+    /// Reads a log and flies it again, up to the end of its last survey with volumes.
     ///
     /// # Errors
-    /// A log that cannot be read or holds no volume.
+    /// As [`Self::read_one`].
     pub fn read(log: &Path) -> Result<Self, SurveyError> {
+        Self::read_one(log, None)
+    }
+
+    /// Reads a log and flies it again, up to the end of the survey with this number, or of the last one.
+    ///
+    /// # Errors
+    /// A log that cannot be read, or a survey that it does not hold or that has no volume.
+    pub fn read_one(log: &Path, number: Option<usize>) -> Result<Self, SurveyError> {
         let mut eye = Eye::default();
-        let again = fly_again(log, |toml| pilot_for(toml, log), &mut eye)
-            .map_err(|source: ReplayError| SurveyError::Log { path: log.to_owned(), source })?;
+        let unread = |source: ReplayError| SurveyError::Log { path: log.to_owned(), source };
+        let again =
+            fly_again(log, number, |toml| pilot_for(toml, log), &mut eye).map_err(unread)?;
         if again.recorded.accounts.is_empty() {
             return Err(SurveyError::NoVolume { path: log.to_owned() });
         }
-        Ok(Self::of(log, again, eye)?)
+        let decision = read_decision(log, &again.place).map_err(unread)?;
+        Ok(Self { decision, ..Self::of(log, again, eye)? })
     }
 
     fn of(log: &Path, again: FlownAgain, mut eye: Eye) -> Result<Self, ConfigError> {
@@ -189,19 +211,23 @@ impl Flight {
             log: log.to_owned(),
             version: again.version,
             build: again.build,
-            started: again.notes.get("started_utc").and_then(|text| text.parse().ok()),
+            place: again.place,
+            started: again.started_utc.and_then(|text| text.parse().ok()),
+            log_started: again.notes.get("started_utc").and_then(|text| text.parse().ok()),
             began_at: again.began_at,
+            lidar: again.notes.get("lidar").cloned(),
             merged_from,
             accounts: again.recorded.accounts,
             surface: again.recorded.surface,
             states: eye.states,
             hits: again.pilot.mapper().kept_hits().to_vec(),
             path_m: eye.path_m,
-            counts: again.pilot.mapper().counts(),
+            counts: since(again.pilot.mapper().counts(), &again.earlier_hits),
             phases: eye.phases,
             warnings: eye.warnings,
             fixes: eye.fixes,
             summary: eye.summary,
+            decision: None,
             reproduction,
             is_final: again.recorded.is_final,
             is_complete: again.is_complete,
@@ -223,11 +249,24 @@ impl Flight {
         }
     }
 
+    /// The LiDAR: what answered, else what is configured.
+    #[must_use]
+    pub fn lidar_said(&self) -> String {
+        let configured = self.config.lidar.model.as_str();
+        let is_auto = configured.eq_ignore_ascii_case("auto");
+        match &self.lidar {
+            Some(answered) if is_auto => answered.clone(),
+            Some(answered) => format!("{answered} (configured: {configured})"),
+            None if is_auto => "found by itself; the log does not say which".to_owned(),
+            None => format!("{configured}, as configured"),
+        }
+    }
+
     /// Civil time of an instant, where the log says when it began.
     #[must_use]
     pub fn civil(&self, at: Stamp<Mono>) -> Option<Timestamp> {
         let after = jiff::SignedDuration::from_nanos(at.nanos_since(self.began_at));
-        self.started?.checked_add(after).ok()
+        self.log_started?.checked_add(after).ok()
     }
 
     /// When the first and the last hit of the map were measured.
@@ -250,6 +289,22 @@ impl Flight {
         let Some(surface) = &self.surface else { return Vec::new() };
         let hall_base = BaseSurface::level(self.settings.base_height_m);
         self.settings.region.whole_and_bays_on(&surface.grid, &hall_base)
+    }
+}
+
+/// The counts of a survey: the brain's go on from one to the next, but for what the newest solve has refused.
+const fn since(all: HitCounts, earlier: &HitCounts) -> HitCounts {
+    HitCounts {
+        received: all.received - earlier.received,
+        used: all.used.saturating_sub(earlier.used),
+        no_return: all.no_return - earlier.no_return,
+        own_body: all.own_body - earlier.own_body,
+        outside: all.outside - earlier.outside,
+        no_pose: all.no_pose - earlier.no_pose,
+        poor_pose: all.poor_pose - earlier.poor_pose,
+        on_ground: all.on_ground - earlier.on_ground,
+        refused: all.refused,
+        forgotten: all.forgotten.saturating_sub(earlier.forgotten),
     }
 }
 

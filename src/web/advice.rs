@@ -215,7 +215,6 @@ mod tests {
             stated_t: None,
             shares,
             trend: 0,
-            until_target_s: None,
             sources: Vec::new(),
         }
     }

@@ -2,7 +2,6 @@
 
 mod gauges;
 mod picture;
-mod remaining;
 
 use super::feed::{News, Pulse};
 use super::maps::Maps;
@@ -17,7 +16,6 @@ use crate::pilot::{Action, FlightSummary, Outlook, PlanChoice};
 use crate::time::{Mono, Stamp};
 use gauges::Gauges;
 pub(super) use picture::Beside;
-use remaining::Remaining;
 use std::collections::VecDeque;
 use tokio::time::Instant;
 
@@ -44,7 +42,6 @@ pub(super) struct Collector {
     accounts: Vec<VolumeAccount>,
     /// The accounts before the newest, for the trend.
     earlier_accounts: Vec<VolumeAccount>,
-    remaining: Remaining,
     /// The newest plan.
     plan: Option<PlanChoice>,
     ended: Option<FlightSummary>,
@@ -70,7 +67,6 @@ impl Collector {
             landed_at: None,
             accounts: Vec::new(),
             earlier_accounts: Vec::new(),
-            remaining: Remaining::default(),
             plan: None,
             ended: None,
             verdict: None,
@@ -141,7 +137,6 @@ impl Collector {
         self.maps.restart();
         self.accounts.clear();
         self.earlier_accounts.clear();
-        self.remaining = Remaining::default();
         self.plan = None;
         self.took_off_at = None;
         self.landed_at = None;
@@ -160,7 +155,6 @@ impl Collector {
                 coverage: estimate.coverage_ratio,
             });
         }
-        self.remaining.account(at, &accounts);
         self.earlier_accounts = std::mem::replace(&mut self.accounts, accounts);
     }
 

@@ -19,6 +19,8 @@ pub(super) struct Decision {
     pub(super) remarks: Vec<String>,
     /// When it was decided, UTC.
     pub(super) decided_utc: String,
+    /// Who decided, if that was said.
+    pub(super) decided_by: Option<String>,
 }
 
 /// The file with the decisions on the flights of one log, one JSON object a line.
@@ -64,6 +66,7 @@ mod tests {
             verdict,
             remark: "dust \"at\" bay B".to_owned(),
             remarks: Vec::new(),
+            decided_by: None,
             decided_utc: "2026-01-01T00:00:00Z".to_owned(),
         };
         file.append(&decision(Verdict::Rejected)).unwrap();

@@ -99,9 +99,6 @@ pub(super) struct Volume {
     pub(super) shares: [f64; 4],
     /// U falls (−1), stays (0) or rises (1).
     pub(super) trend: i8,
-    /// About how long until U is what is aimed at, by how it fell over the last minute, s; left out where it is already
-    /// or where nothing can be said.
-    pub(super) until_target_s: Option<f64>,
     /// What makes the most of the variance, with its share, 0 to 1, the largest first.
     pub(super) sources: Vec<Source>,
 }

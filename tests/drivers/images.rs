@@ -40,7 +40,8 @@ fn rig(source: Source, channel_size: usize) -> Rig {
         camera: CameraId(3),
         size_px: SIZE_PX,
         source,
-        stamp_delay: Duration::from_millis(20),
+        readout: Duration::ZERO,
+        stamp_delay: Some(Duration::from_millis(20)),
         detector: tag_finder::Settings::default(),
     };
     let (events_tx, events) = mpsc::channel(channel_size);
@@ -163,7 +164,8 @@ fn a_source_that_is_not_there_is_told_at_the_start() {
         camera: CameraId(0),
         size_px: SIZE_PX,
         source: Source::Folder { path: "/nonexistent".into() },
-        stamp_delay: Duration::ZERO,
+        readout: Duration::ZERO,
+        stamp_delay: None,
         detector: tag_finder::Settings::default(),
     };
     let (events, _kept) = mpsc::channel(1);

@@ -1,7 +1,6 @@
 //! Files beside the code say what the code does.
 
 #![expect(clippy::unwrap_used, clippy::panic, reason = "a test may stop at the first surprise")]
-#![expect(clippy::print_stdout, reason = "a test says when a program is not on this machine")]
 
 mod container;
 mod example_config;

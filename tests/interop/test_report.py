@@ -250,6 +250,9 @@ def test_audit(folder, log, drawn):
     assert key.stat().st_mode & 0o777 == 0o600
     stockpilot("audit", "pack", log, "--site", "Test hall", "--out", pack, "--key", key)
     said = stockpilot("audit", "verify", pack, "--public-key", folder / "audit.pub")
+    # The pack's own key says nothing of the signer.
+    assert "NOT VERIFIED" in stockpilot("audit", "verify", pack, code=2)
+    stockpilot("audit", "verify", pack, "--packed-key")
     for account in recorded(log):
         volume = json.dumps(account["estimate"]["volume_m3"])
         assert f"{account['name']}: {volume} m³, computed again to the last bit" in said, said

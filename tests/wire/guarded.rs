@@ -49,6 +49,12 @@ fn signed(data: &SigningData, message: &MavMessage) -> Vec<u8> {
     raw.raw_bytes().to_vec()
 }
 
+fn heartbeat() -> MavMessage {
+    let bytes = px4_heartbeat();
+    let mut reader = mavlink::MavlinkReader::new(bytes.as_slice());
+    reader.read_any_message::<MavMessage>().unwrap().1
+}
+
 fn battery() -> MavMessage {
     MavMessage::BATTERY_STATUS(m::BATTERY_STATUS_DATA::default())
 }
@@ -101,16 +107,58 @@ async fn nobody_takes_a_silent_autopilots_place_without_its_key() {
     driver.advance_to(at_ms(60_000));
     thief.says(&px4_heartbeat()).await;
     until(|| transport.stats().strangers == 1).await;
+    // One that gives itself another number: its heartbeat may come unsigned, the place may not.
+    thief.says(&crate::support::heartbeat_frame((2, 1), [2, 12, 81, 4])).await;
+    until(|| transport.stats().strangers == 2).await;
     // The same autopilot from another port, with the key: it may.
     let moved = Peer::new(local).await;
-    let heartbeat = {
-        let bytes = px4_heartbeat();
-        let mut reader = mavlink::MavlinkReader::new(bytes.as_slice());
-        reader.read_any_message::<MavMessage>().unwrap().1
-    };
-    moved.says(&signed(&theirs, &heartbeat)).await;
+    moved.says(&signed(&theirs, &heartbeat())).await;
     patiently(transport.received.recv()).await.unwrap();
     assert_eq!((transport.stats().received, transport.stats().guard.unsigned), (3, 1));
+}
+
+#[tokio::test]
+async fn whoever_signs_takes_the_place_of_one_who_does_not() {
+    let folder = TempDir::new().unwrap();
+    let (mut transport, _driver) = transport(&signing(&folder)).await;
+    let local = transport.local_addr().unwrap();
+    let (thief, autopilot) = (Peer::new(local).await, Peer::new(local).await);
+    let theirs = SigningData::from_config(SigningConfig::new(KEY, 0, true, false));
+    thief.says(&crate::support::heartbeat_frame((2, 1), [2, 12, 81, 4])).await;
+    patiently(transport.received.recv()).await.unwrap();
+    autopilot.says(&signed(&theirs, &heartbeat())).await;
+    patiently(transport.received.recv()).await.unwrap();
+    thief.says(&crate::support::heartbeat_frame((2, 1), [2, 12, 81, 4])).await;
+    until(|| transport.stats().strangers == 1).await;
+}
+
+#[tokio::test]
+async fn an_autopilot_without_a_clock_takes_the_place_of_one_who_does_not_sign() {
+    let folder = TempDir::new().unwrap();
+    let (mut transport, driver) = transport(&signing(&folder)).await;
+    let local = transport.local_addr().unwrap();
+    let (stranger, autopilot) = (Peer::new(local).await, Peer::new(local).await);
+    let mut frame = MAVLinkV2MessageRaw::new();
+    frame.serialize_message_for_signing(
+        MavHeader { system_id: 1, component_id: 1, sequence: 0 },
+        &heartbeat(),
+    );
+    // Signed at the beginning of 2015.
+    frame.signature_timestamp_bytes_mut().copy_from_slice(&[9, 0, 0, 0, 0, 0]);
+    let mut signature = [0; 6];
+    frame.calculate_signature(&KEY, &mut signature);
+    frame.signature_value_mut().copy_from_slice(&signature);
+    stranger.says(&crate::support::heartbeat_frame((2, 1), [2, 12, 81, 4])).await;
+    patiently(transport.received.recv()).await.unwrap();
+    autopilot.says(frame.raw_bytes()).await;
+    patiently(transport.received.recv()).await.unwrap();
+    stranger.says(&crate::support::heartbeat_frame((2, 1), [2, 12, 81, 4])).await;
+    until(|| transport.stats().strangers == 1).await;
+    // One who shows as much may follow it after a long silence.
+    driver.advance_to(at_ms(60_000));
+    let moved = Peer::new(local).await;
+    moved.says(frame.raw_bytes()).await;
+    patiently(transport.received.recv()).await.unwrap();
 }
 
 #[tokio::test]

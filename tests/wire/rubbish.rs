@@ -2,7 +2,7 @@
 
 use crate::support::at_ms;
 use mavlink::dialects::ardupilotmega::{
-    HEARTBEAT_DATA, MavAutopilot, MavMessage, MavModeFlag, TIMESYNC_DATA,
+    HEARTBEAT_DATA, MavAutopilot, MavMessage, MavModeFlag, MavType, TIMESYNC_DATA,
 };
 use mavlink::{MavHeader, MavlinkVersion, Message as _};
 use proptest::prelude::*;
@@ -18,6 +18,7 @@ const IDS: [u32; 12] = [0, 1, 2, 31, 32, 75, 76, 77, 105, 111, 147, 245];
 fn synced(out: &mut SessionOutput) -> Session {
     let mut session = Session::new(Settings::new("udpin:127.0.0.1:0".parse().unwrap()));
     let heartbeat = MavMessage::HEARTBEAT(HEARTBEAT_DATA {
+        mavtype: MavType::MAV_TYPE_QUADROTOR,
         autopilot: MavAutopilot::MAV_AUTOPILOT_PX4,
         base_mode: MavModeFlag::empty(),
         ..Default::default()

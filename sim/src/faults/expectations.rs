@@ -3,6 +3,7 @@
 use super::bench::Seen;
 use crate::campaign::DirectFlight;
 use mavlink::dialects::ardupilotmega::MavMessage;
+use stockpilot::geometry::{Hall, Point};
 use stockpilot::mission::Phase;
 use stockpilot::time::{Mono, Stamp};
 
@@ -12,6 +13,11 @@ const LARGEST_OFF_M: f64 = 1.2;
 const STEERED_WITHIN_S: f64 = 0.15;
 /// A landing touches the ground no faster, m/s.
 const LARGEST_TOUCHDOWN_MPS: f64 = 1.0;
+/// Its contact is with the ground, no higher over it than this, m.
+const LARGEST_OVER_GROUND_M: f64 = 0.3;
+/// A landing without a position drifts: PX4 and ArduPilot were seen to go 2 to 2.5 m in the simulators of
+/// their makers, in calm air. More than twice that is no landing any more, m.
+const LARGEST_LANDING_DRIFT_M: f64 = 6.0;
 /// Faster than any trajectory of the survey, m/s.
 const LARGEST_SPEED_MPS: f64 = 3.5;
 /// Complaints that are kept: one fault may be seen at every step.
@@ -25,6 +31,8 @@ pub(super) struct Expectations {
     complaints: Vec<String>,
     complained_of_motion_at: Option<Stamp<Mono>>,
     has_touched: bool,
+    /// Where the present landing began.
+    landing_from: Option<Point<Hall>>,
 }
 
 impl Default for Expectations {
@@ -35,6 +43,7 @@ impl Default for Expectations {
             complaints: Vec::new(),
             complained_of_motion_at: None,
             has_touched: false,
+            landing_from: None,
         }
     }
 }
@@ -49,9 +58,12 @@ impl Expectations {
             && !self.has_touched
         {
             self.has_touched = true;
-            // Who lands where he is may come down on the slope of a pile.
-            let is_touchdown =
-                autopilot.is_landing() && collision.speed_mps < LARGEST_TOUCHDOWN_MPS;
+            // Who lands where he is may come down on the slope of a pile, but into no wall.
+            let place = collision.place.coords;
+            let over_ground_m = place.z - flight.rig.world().height_at(place.x, place.y);
+            let is_touchdown = autopilot.is_landing()
+                && collision.speed_mps < LARGEST_TOUCHDOWN_MPS
+                && over_ground_m.abs() < LARGEST_OVER_GROUND_M;
             if !is_touchdown {
                 self.complain(format!("touched something: {collision:?}"));
             }
@@ -65,6 +77,7 @@ impl Expectations {
             self.complained_of_motion_at = Some(now);
             self.complain(format!("{speed_mps:.1} m/s at {now:?}"));
         }
+        self.watch_landing(flight);
         let Some((at, place)) = seen.setpoint else { return };
         // In the take-off the trajectory waits for nobody: rotors spool up first.
         let is_on_its_way = matches!(flight.phase(), Phase::Survey | Phase::Return | Phase::Hold);
@@ -76,6 +89,21 @@ impl Expectations {
         if is_steered && off_m > self.largest_off_m {
             self.complained_of_motion_at = Some(now);
             self.complain(format!("{off_m:.2} m off its setpoint at {now:?}"));
+        }
+    }
+
+    /// A landing comes down near where it began.
+    fn watch_landing(&mut self, flight: &DirectFlight) {
+        if !flight.rig.autopilot().is_landing() {
+            self.landing_from = None;
+            return;
+        }
+        let place = flight.rig.vehicle().hall_from_body().origin;
+        let from = *self.landing_from.get_or_insert(place);
+        let drift_m = (place - from).coords.xy().norm();
+        if drift_m > LARGEST_LANDING_DRIFT_M {
+            self.complained_of_motion_at = Some(flight.rig.now());
+            self.complain(format!("drifts {drift_m:.1} m in a landing"));
         }
     }
 

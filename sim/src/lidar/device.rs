@@ -8,6 +8,8 @@
 mod hokuyo;
 mod ldrobot;
 mod rplidar;
+#[cfg(test)]
+mod vectors;
 mod ydlidar;
 
 use super::{LidarModel, Scene};
@@ -64,7 +66,7 @@ pub enum Firmware {
     Rplidar(u8),
     /// YDLIDAR, by the model byte; 0 for one that only talks.
     Ydlidar(u8),
-    /// Hokuyo, by its number of steps in a turn.
+    /// Hokuyo, by the number of its steps.
     Hokuyo(u32),
 }
 

@@ -3,6 +3,7 @@
 use crate::support::Flight;
 use std::time::Duration;
 use stockpilot::mission::Phase;
+use stockpilot_sim::lidar_faults::LidarFault;
 
 /// Seconds from phase `from` to phase `to`, both entered exactly once.
 fn seconds_between(flight: &Flight, from: Phase, to: Phase) -> f64 {
@@ -71,7 +72,7 @@ fn uncovered_cameras_go_on_with_the_survey() {
 fn a_silent_lidar_holds_then_returns_and_lands_on_the_pad() {
     let mut flight = Flight::in_survey(24);
     let silent_at = flight.now();
-    flight.direct.faults.is_lidar_silent = true;
+    flight.direct.faults.lidar = Some(LidarFault::Silent);
     let is_down = flight.run_until(120.0, |f| f.has_ended());
     assert!(is_down, "{:?}", flight.seen.changes);
     let phases = flight.seen.phases_since(silent_at);

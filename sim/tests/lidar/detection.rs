@@ -4,19 +4,24 @@ use crate::support::{STEP, exact, room};
 use stockpilot::lidar::{Detector, Found, Model, Probe};
 use stockpilot::stats::{Noise, SeedBook};
 use stockpilot::time::Stamp;
-use stockpilot_sim::lidar::device;
+use stockpilot_sim::lidar::{Firmware, LidarModel, device};
 
 /// What the search finds and how long it takes, s.
 fn found(model: Model, is_running: bool) -> (Option<Found>, f64) {
-    let exact = exact(model);
+    let (detector, found, took_s) = searched(&exact(model), is_running);
+    assert_eq!(detector.stranger(), None);
+    (found, took_s)
+}
+
+fn searched(exact: &LidarModel, is_running: bool) -> (Detector, Option<Found>, f64) {
     let start = Stamp::ZERO;
-    let mut device = device(&exact, SeedBook::new(3), start, is_running);
-    let mut room = room(&exact);
+    let mut device = device(exact, SeedBook::new(3), start, is_running);
+    let mut room = room(exact);
     let mut noise: Noise = SeedBook::new(4).stream("garbage");
     let mut detector = Detector::new(None);
     let (mut now, mut baud) = (start, 0);
     // USB knows no line speed.
-    let is_usb = model.family() == stockpilot::lidar::Family::Hokuyo;
+    let is_usb = matches!(exact.firmware, Firmware::Hokuyo(_));
     while !detector.is_exhausted() {
         now = now.plus(STEP);
         while let Some(probe) = detector.poll(now) {
@@ -34,11 +39,32 @@ fn found(model: Model, is_running: bool) -> (Option<Found>, f64) {
                 bytes.iter_mut().for_each(|byte| *byte = noise.bits().to_le_bytes()[0]);
             }
             if let Some(found) = detector.feed(&bytes) {
-                return (Some(found), now.seconds());
+                return (detector, Some(found), now.seconds());
             }
         }
     }
-    (None, now.seconds())
+    (detector, None, now.seconds())
+}
+
+/// A sister of a known sensor with a number of its own.
+fn sister(of: Model, firmware: Firmware) -> LidarModel {
+    LidarModel { firmware, ..exact(of) }
+}
+
+#[test]
+fn a_sensor_with_an_unknown_number_is_named_with_its_speed() {
+    for (model, name) in [
+        (sister(Model::YdlidarG4, Firmware::Ydlidar(19)), "YDLIDAR model 19"),
+        (sister(Model::YdlidarX4, Firmware::Ydlidar(4)), "YDLIDAR model 4"),
+        (sister(Model::RplidarS2, Firmware::Rplidar(0xB1)), "RPLIDAR model 177"),
+    ] {
+        let (detector, found, took_s) = searched(&model, false);
+        assert_eq!(found, None);
+        let stranger = detector.stranger().unwrap_or_else(|| panic!("{name} is not noticed"));
+        println!("{stranger:?} after {took_s:.1} s");
+        assert_eq!((stranger.name.as_str(), stranger.baud), (name, model.baud));
+        assert!(took_s < 8.0);
+    }
 }
 
 #[test]

@@ -11,4 +11,5 @@ mod driver;
 mod models;
 mod rig;
 mod speeds;
+mod stamps;
 mod support;

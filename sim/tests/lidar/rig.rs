@@ -36,9 +36,13 @@ pub(crate) struct Rig {
 impl Rig {
     /// A sensor that has just got its power, behind a port with these settings.
     pub(crate) fn new(model: Model, settings: impl FnOnce(Settings) -> Settings) -> Self {
+        Self::with(exact(model), settings)
+    }
+
+    /// The same for a sensor that is in no catalogue.
+    pub(crate) fn with(model: LidarModel, settings: impl FnOnce(Settings) -> Settings) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let link = folder.path().join("lidar");
-        let model = exact(model);
         let lidar = plug(&model, &link, Stamp::ZERO);
         let nanos = Arc::new(AtomicI64::new(0));
         let clock = Arc::clone(&nanos);

@@ -187,3 +187,44 @@ fn no_walls_in_sight_is_an_error() {
     let found = calibrate(&[], &room(), &before(), &Limits::default());
     assert_eq!(found.unwrap_err(), CalibrationError::TooFew { n_beams: 0 });
 }
+
+/// The LiDAR slips half-way: by 15 mm along the body, and about its own axis. A large slip makes the σ of that axis so
+/// large that it would pass for one that was not seen.
+#[test]
+fn a_mounting_that_slips_in_flight_contradicts_itself_where_it_slipped() {
+    let (shift_m, turn_rad) = wrong_by();
+    let truth = nominal().body_from_lidar.perturbed(&shift_m, &turn_rad);
+    for (seed, slip_deg) in [(0, 0.4), (1, 0.8), (2, 0.8), (3, 1.2_f64)] {
+        let slip = Vector3::new(0.0, 0.0, slip_deg.to_radians());
+        let slipped = truth.perturbed(&Vector3::new(0.015, 0.0, 0.0), &slip);
+        let mut noise = SeedBook::new(seed).stream("slip");
+        let yaw = |share: f64| 8.0 * TAU * share;
+        let mut turns = flight(&truth, 400, yaw, &mut noise);
+        let later = flight(&slipped, 400, yaw, &mut noise);
+        turns.splice(200.., later.into_iter().skip(200));
+        let found = calibrate(&turns, &room(), &before(), &Limits::default()).expect("found");
+        let z = found.axes.map(|axis| axis.halves_z);
+        println!("seed {seed}, {slip_deg}°: {z:.1?}, seen {:?}", found.axes.map(|a| a.is_seen));
+        assert!(found.axes[5].contradicts_itself(), "seed {seed}, {slip_deg}°: {z:?}");
+    }
+}
+
+#[test]
+fn halves_that_hardly_agree_widen_what_is_claimed() {
+    let found = |halves_z, is_seen| Found { change: 0.01, sigma: 0.002, is_seen, halves_z };
+    for (halves_z, sigma, contradicts) in [
+        (0.3, 0.002, false),
+        (-1.9, 0.002, false),
+        (2.5, 0.0025, false),
+        (-3.0, 0.003, false),
+        (3.1, 0.0031, true),
+        (-4.0, 0.004, true),
+    ] {
+        let axis = found(halves_z, true);
+        assert!((axis.sigma_by_halves() - sigma).abs() < 1e-15, "{halves_z}");
+        assert_eq!(axis.contradicts_itself(), contradicts, "{halves_z}");
+    }
+    // What was not seen stays as configured, and so does its σ; that halves are far apart can be why.
+    let unseen = found(7.0, false);
+    assert!(unseen.contradicts_itself() && (unseen.sigma_by_halves() - 0.002).abs() < 1e-15);
+}

@@ -176,8 +176,8 @@ impl<N: Fn() -> Stamp<Mono>> Grabber<N> {
 
     fn take(&self, stamped: StampedPicture) {
         let arrived_at = (self.now)();
-        let captured_at =
-            stamped.captured_at.unwrap_or_else(|| arrived_at.minus(self.settings.stamp_delay));
+        let delay = self.settings.stamp_delay.unwrap_or_default();
+        let captured_at = stamped.captured_at.unwrap_or_else(|| arrived_at.minus(delay));
         self.stats.send_modify(|stats| stats.pictures += 1);
         let picture = stamped.picture;
         let (got, expected) = ([picture.width_px(), picture.height_px()], self.settings.size_px);

@@ -2,7 +2,7 @@
 
 use super::folder::Folder;
 use super::stream::PgmStream;
-use super::v4l2::VideoDevice;
+use super::v4l2::{VideoDevice, Wish};
 use super::{PictureError, Settings, Source};
 use crate::camera::picture::StampedPicture;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -31,7 +31,8 @@ pub(super) fn open(
 ) -> Result<Box<dyn PictureSource>, PictureError> {
     Ok(match &settings.source {
         Source::V4l2 { device, frames_per_s, exposure } => {
-            Box::new(VideoDevice::open(device, settings.size_px, *frames_per_s, *exposure)?)
+            let (device, frames_per_s, exposure) = (device.clone(), *frames_per_s, *exposure);
+            Box::new(VideoDevice::open(&Wish { device, frames_per_s, exposure }, settings)?)
         }
         Source::Folder { path } => Box::new(Folder::open(path)?),
         Source::PgmStream { path } => Box::new(PgmStream::bind(path, cancel.clone())?),

@@ -22,7 +22,8 @@ use crate::camera::picture::GreyPicture;
 use nalgebra::{Matrix5, Vector2, Vector5};
 use std::f64::consts::{SQRT_2, TAU};
 
-/// Pixels up to this far from an edge tell where it is: beyond begin the next cells.
+/// Pixels up to this far from an edge tell where it is: beyond begin the next cells. They count across the edge: of a
+/// tag that is seen aslant they are much shorter there than along it.
 const BAND_CELLS: f64 = 0.6;
 /// The same is at least and at most this, px.
 const BAND_PX: (f64, f64) = (1.0, 2.5);
@@ -32,6 +33,9 @@ const END_PX: f64 = 1.5;
 /// Blur of an ordinary lens in focus, the pixel's own square included, px; the fit begins with it.
 const USUAL_BLUR_PX: f64 = 0.7;
 const BLUR_PX: (f64, f64) = (0.3, 2.0);
+/// No more rows or columns of pixels than this are looked at along an edge, evenly spread: what a near tag has more of them
+/// costs time and tells no more.
+const MOST_LINES: f64 = 200.0;
 /// Fewer pixels tell nothing about five numbers.
 const LEAST_PIXELS: usize = 12;
 /// Sides that differ by less are no edge of a tag.
@@ -128,9 +132,9 @@ impl Edge {
         let middle = 0.5 * (from + to);
         let normal = Vector2::new(along.y, -along.x);
         let outward = if normal.dot(&(middle - centre)) < 0.0 { -normal } else { normal };
-        let cell_px = length_px / n_cells;
-        let half_px = 0.5 * length_px - (END_CELLS * cell_px).max(END_PX);
-        let band_px = (BAND_CELLS * cell_px).clamp(BAND_PX.0, BAND_PX.1);
+        let half_px = 0.5 * length_px - (END_CELLS * length_px / n_cells).max(END_PX);
+        let across_px = 2.0 * outward.dot(&(middle - centre)) / n_cells;
+        let band_px = (BAND_CELLS * across_px).clamp(BAND_PX.0, BAND_PX.1);
         Self { middle, along, outward, half_px, band_px }
     }
 
@@ -183,20 +187,30 @@ impl Edge {
             .then(|| Vector5::new(0.0, 0.0, dark, bright, USUAL_BLUR_PX))
     }
 
-    /// The pixels near the edge once it is moved so.
+    /// The pixels near the edge once it is moved so, line by line of pixels across it.
     fn pixels<'a>(
         &'a self,
         picture: &'a GreyPicture,
         offset_px: f64,
         tilt_px: f64,
     ) -> impl Iterator<Item = Near> + 'a {
+        let size = [picture.width_px(), picture.height_px()];
+        // Columns of an edge that lies rather than stands, otherwise rows.
+        let (major, minor) = if self.along.x.abs() < self.along.y.abs() { (1, 0) } else { (0, 1) };
+        let reach_px = self.band_px + offset_px.abs() + tilt_px.abs();
+        let extent_px =
+            self.along[major].abs() * self.half_px + self.outward[major].abs() * reach_px;
+        let at = self.middle[major];
+        let lines = whole_px(at - extent_px, at + extent_px, size[major]);
+        let step = lines_apart(2.0 * extent_px);
+        let slope = self.along[minor] / self.along[major];
+        let across_px = reach_px / self.along[major].abs();
+        let places = lines.step_by(step).flat_map(move |line| {
+            let at = self.middle[minor] + slope * (f64::from(line) + 0.5 - self.middle[major]);
+            let others = whole_px(at - across_px - 0.5, at + across_px + 0.5, size[minor]);
+            others.map(move |other| if major == 0 { (line, other) } else { (other, line) })
+        });
         let width = picture.width_px() as usize;
-        let reach = self.along.abs() * self.half_px
-            + self.outward.abs() * (self.band_px + offset_px.abs() + tilt_px.abs());
-        let (low, high) = (self.middle - reach, self.middle + reach);
-        let cols = whole_px(low.x, high.x, picture.width_px());
-        let rows = whole_px(low.y, high.y, picture.height_px());
-        let places = rows.flat_map(move |row| cols.clone().map(move |col| (col, row)));
         places.filter_map(move |(col, row)| {
             let centre = Vector2::new(f64::from(col) + 0.5, f64::from(row) + 0.5) - self.middle;
             let along = centre.dot(&self.along) / self.half_px;
@@ -207,6 +221,14 @@ impl Edge {
             is_near.then(|| Near { along, across_px, grey: f64::from(grey) })
         })
     }
+}
+
+/// Every how many rows or columns of so many are looked at.
+fn lines_apart(n_lines: f64) -> usize {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few")]
+    let apart = (n_lines / MOST_LINES).ceil() as usize;
+    // Also for an edge without a length, whose number is none.
+    apart.max(1)
 }
 
 /// One step of Gauss and Newton towards the least squares; `first` holds what pixels do not tell.

@@ -136,6 +136,16 @@ fn bases_and_densities_that_are_none_are_refused() {
     let error = refused("base = { kind = \"survey\", height_file = \"floor.asc\" }");
     assert!(error.contains("not read yet"), "{error}");
     assert!(refused("density_sigma_t_per_m3 = 0.1").contains("no density_t_per_m3"));
+    for word in ["density_source = \"drum\"", "density_date = \"2026-03-01\"", "moisture = \"4 %\""]
+    {
+        assert!(refused(word).contains("no density_t_per_m3"), "{word}");
+    }
+    let dated = |date: &str| format!("density_t_per_m3 = 1.6\ndensity_date = \"{date}\"");
+    assert!(with(&format!("{bay}{}", dated("2026-02-28"))).is_ok());
+    for date in ["2026-02-30", "28.2.2026", ""] {
+        assert!(refused(&dated(date)).contains("bays[0].density_date"), "{date}");
+    }
+    assert!(refused("material = \" \"").contains("bays[0].material"));
     assert!(refused("density_t_per_m3 = 0.0").contains("outside 0.01 to 25 t/m³"));
 }
 

@@ -268,6 +268,8 @@ impl Hokuyo {
             firmware: value("FIRM"),
             serial: value("SERI"),
             mode: Some("MD".to_owned()),
+            // It looks through a part of the turn only.
+            sample_period: None,
         }
     }
 
@@ -308,9 +310,13 @@ impl Hokuyo {
 
 /// The model that a sensor says it is.
 pub(crate) fn model_of(values: &[(String, String)]) -> Option<Model> {
-    let (_, product) = values.iter().find(|(name, _)| name == "PROD")?;
+    let value = |key: &str| values.iter().find(|(name, _)| name == key).map(|(_, value)| value);
+    let product = value("PROD")?;
     let names = [("UTM-30LX", Model::HokuyoUtm30lx), ("URG-04LX", Model::HokuyoUrg04lx)];
-    names.into_iter().find(|(name, _)| product.contains(name)).map(|(_, model)| model)
+    let known = names.into_iter().find(|(name, _)| product.contains(name)).map(|(_, model)| model);
+    // Whatever else speaks this protocol tells its geometry and its rate.
+    let speaks_scip2 = value("PROT").is_some_and(|protocol| protocol.contains("SCIP 2"));
+    known.or(speaks_scip2.then_some(Model::HokuyoScip2))
 }
 
 #[expect(clippy::cast_precision_loss, reason = "eighteen bits fit single precision")]

@@ -1,9 +1,10 @@
 //! The conversation: quiet it, ask who it is and how it scans, spin it up, scan, look after it.
 
+use super::query::{Query, conf_item, question};
 use super::request::{self, request};
 use super::stream::{Answer, Arrived, StreamParser};
 use super::{DeviceInfo, Health, HealthStatus, Mode, Reply, ReplyReader};
-use crate::lidar::head_angle::HeadAngle;
+use crate::lidar::head_angle::{HeadAngle, Place};
 use crate::lidar::{Counts, Identity, Model, Packet, Request, Sensor, Trouble};
 use crate::time::{Mono, Stamp};
 use std::collections::VecDeque;
@@ -39,21 +40,6 @@ const MOST_MODES: u16 = 16;
 const PERIODS_US: std::ops::RangeInclusive<f64> = 10.0..=2000.0;
 /// The SDK's model of the delay: a filter of one sample, and half a sample of measuring.
 const DELAY_SAMPLES: f64 = 1.5;
-
-/// What is asked for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Query {
-    Health,
-    Info,
-    SampleRate,
-    BoardFlag,
-    ModeCount,
-    TypicalMode,
-    ModePeriod(u16),
-    ModeMaxDistance(u16),
-    ModeAnswer(u16),
-    ModeName(u16),
-}
 
 #[derive(Debug, Clone)]
 enum Stage {
@@ -351,6 +337,7 @@ impl Rplidar {
                 .info
                 .map(|info| info.serial.iter().map(|byte| format!("{byte:02X}")).collect()),
             mode: Some(self.mode.name.clone()).filter(|name| !name.is_empty()),
+            sample_period: Some(self.mode.sample_period).filter(|period| !period.is_zero()),
         }
     }
 
@@ -372,13 +359,21 @@ impl Rplidar {
     fn stream(&mut self, bytes: &[u8], now: Stamp<Mono>, on_packet: &mut dyn FnMut(&Packet)) {
         let Self { parser, packet, head, mode, last_frame_at, .. } = self;
         let period = mode.sample_period;
+        let answer = parser.answer();
         parser.feed(bytes, now, |arrived: Arrived<'_>| {
             *last_frame_at = Some(now);
             packet.begin(arrived.at, arrived.n_bytes, period);
             packet.delay = period.mul_f64(DELAY_SAMPLES);
             packet.samples.extend(arrived.nodes.iter().map(super::Node::sample));
             let n_samples = u32::try_from(arrived.nodes.len()).unwrap_or(u32::MAX);
-            packet.n_lost = head.n_lost(arrived.start_deg, n_samples);
+            let n_frames = arrived.nodes.len() / answer.frame_samples();
+            packet.n_lost = head.n_lost(Place {
+                start_deg: arrived.start_deg,
+                n_samples,
+                at_byte: arrived.at_byte,
+                n_bytes: (n_frames * answer.frame_bytes()) as u64,
+                is_guarded: answer != Answer::Standard,
+            });
             on_packet(packet);
         });
     }
@@ -475,29 +470,6 @@ impl Sensor for Rplidar {
     fn trouble(&self) -> Option<&Trouble> {
         self.trouble.as_ref()
     }
-}
-
-fn question(query: Query) -> Vec<u8> {
-    match query {
-        Query::Health => request(request::GET_HEALTH, &[]),
-        Query::Info => request(request::GET_INFO, &[]),
-        Query::SampleRate => request(request::GET_SAMPLE_RATE, &[]),
-        Query::BoardFlag => request(request::GET_BOARD_FLAG, &[0; 4]),
-        _ => conf_item(query).map_or_else(Vec::new, |(item, mode)| request::get_conf(item, mode)),
-    }
-}
-
-/// The configuration item of a question, and the mode that it is about.
-const fn conf_item(query: Query) -> Option<(u32, Option<u16>)> {
-    Some(match query {
-        Query::ModeCount => (request::CONF_MODE_COUNT, None),
-        Query::TypicalMode => (request::CONF_TYPICAL_MODE, None),
-        Query::ModePeriod(id) => (request::CONF_MODE_PERIOD, Some(id)),
-        Query::ModeMaxDistance(id) => (request::CONF_MODE_MAX_DISTANCE, Some(id)),
-        Query::ModeAnswer(id) => (request::CONF_MODE_ANSWER, Some(id)),
-        Query::ModeName(id) => (request::CONF_MODE_NAME, Some(id)),
-        Query::Health | Query::Info | Query::SampleRate | Query::BoardFlag => return None,
-    })
 }
 
 /// The model that a sensor says it is.

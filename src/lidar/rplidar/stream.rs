@@ -8,8 +8,12 @@ use crate::time::{Mono, Stamp};
 
 /// The longest capsule.
 const LONGEST: usize = dense::ULTRA_BYTES;
-/// The head may go this much further in one capsule than in the one before; more is a loss.
-const STEP_RATIO: i32 = 2;
+/// A step from start to start that is longer than usual by more than this is a loss: healthy streams
+/// stay within 1.02, and one lost capsule makes 2.
+const LOSS_HALVES: i32 = 3;
+/// The usual step follows the newest one up to this ratio of them, in fifths: what lies beyond is no
+/// loss, but no speed that a head reaches from one capsule to the next either.
+const LEARNING_FIFTHS: i32 = 6;
 /// So many capsules with too long a step in a row are no losses but a new speed.
 const LOSSES_IN_A_ROW: u32 = 4;
 
@@ -88,6 +92,18 @@ pub struct Arrived<'a> {
     pub n_bytes: usize,
     /// Angle where the head began the frame, °.
     pub start_deg: f64,
+    /// Bytes of the stream before the frame.
+    pub at_byte: u64,
+}
+
+/// Bytes that are left to judge.
+#[derive(Debug, Clone, Copy)]
+struct Rest<'a> {
+    bytes: &'a [u8],
+    /// Bytes of the stream before them.
+    at_byte: u64,
+    /// When their chunk was read.
+    now: Stamp<Mono>,
 }
 
 /// A capsule that waits for the next one, which tells how far the head went.
@@ -97,6 +113,7 @@ struct Pending {
     start_q6: u16,
     at: Stamp<Mono>,
     n_bytes: usize,
+    at_byte: u64,
 }
 
 /// Finds the frames of one format in bytes that arrive in chunks of any size.
@@ -160,16 +177,27 @@ impl StreamParser {
         match answer {
             Answer::Standard => {
                 state.nodes.clear();
-                let mut n_behind = 0;
-                scanner.feed(bytes, |rest| state.look_standard(rest, &mut n_behind));
+                let (mut n_behind, mut first_at) = (0, None);
+                scanner.feed(bytes, |rest, at_byte| {
+                    let look = state.look_standard(rest, &mut n_behind);
+                    if matches!(look, Look::Take(_)) {
+                        first_at.get_or_insert(at_byte);
+                    }
+                    look
+                });
                 if let [first, ..] = state.nodes[..] {
                     let nodes = &state.nodes[..];
                     let n_bytes = n_behind + standard::BYTES;
-                    on_nodes(Arrived { nodes, at: now, n_bytes, start_deg: degrees(&first) });
+                    let (start_deg, at_byte) = (degrees(&first), first_at.unwrap_or(0));
+                    on_nodes(Arrived { nodes, at: now, n_bytes, start_deg, at_byte });
                 }
             }
-            Answer::Hq => scanner.feed(bytes, |rest| state.look_hq(rest, now, &mut on_nodes)),
-            _ => scanner.feed(bytes, |rest| state.look_capsule(*answer, rest, now, &mut on_nodes)),
+            Answer::Hq => scanner.feed(bytes, |rest, at_byte| {
+                state.look_hq(Rest { bytes: rest, at_byte, now }, &mut on_nodes)
+            }),
+            _ => scanner.feed(bytes, |rest, at_byte| {
+                state.look_capsule(*answer, Rest { bytes: rest, at_byte, now }, &mut on_nodes)
+            }),
         }
     }
 }
@@ -204,8 +232,7 @@ impl State {
 
     fn look_hq(
         &mut self,
-        rest: &[u8],
-        now: Stamp<Mono>,
+        Rest { bytes: rest, at_byte, now }: Rest<'_>,
         on_nodes: &mut impl FnMut(Arrived<'_>),
     ) -> Look {
         if rest[0] != hq::HEAD {
@@ -223,15 +250,15 @@ impl State {
         }
         self.frames += 1;
         let start_deg = degrees(&self.nodes[0]);
-        on_nodes(Arrived { nodes: &self.nodes, at: now, n_bytes: rest.len(), start_deg });
+        let n_bytes = rest.len();
+        on_nodes(Arrived { nodes: &self.nodes, at: now, n_bytes, start_deg, at_byte });
         Look::Take(hq::BYTES)
     }
 
     fn look_capsule(
         &mut self,
         answer: Answer,
-        rest: &[u8],
-        now: Stamp<Mono>,
+        Rest { bytes: rest, at_byte, now }: Rest<'_>,
         on_nodes: &mut impl FnMut(Arrived<'_>),
     ) -> Look {
         if !has_sync(rest) {
@@ -261,14 +288,16 @@ impl State {
                 at: pending.at,
                 n_bytes: pending.n_bytes,
                 start_deg: f64::from(pending.start_q6) / 64.0,
+                at_byte: pending.at_byte,
             });
         }
         let pending = slot.get_or_insert_with(|| {
             let bytes = [0; LONGEST];
-            Box::new(Pending { bytes, start_q6, at: now, n_bytes: 0 })
+            Box::new(Pending { bytes, start_q6, at: now, n_bytes: 0, at_byte })
         });
         pending.bytes[..n_bytes].copy_from_slice(capsule);
         (pending.start_q6, pending.at, pending.n_bytes) = (start_q6, now, rest.len());
+        pending.at_byte = at_byte;
         self.pending = slot;
         Look::Take(n_bytes)
     }
@@ -281,11 +310,14 @@ impl State {
 
     /// False if capsules are missing between two starts.
     fn is_step_usual(&mut self, step_q8: i32) -> bool {
-        let is_usual = self
-            .step_q8
-            .is_none_or(|usual_q8| step_q8 <= STEP_RATIO * usual_q8 || step_q8 < 1 << 8);
-        if is_usual || self.losses_in_a_row >= LOSSES_IN_A_ROW {
-            self.step_q8 = Some(step_q8);
+        let usual_q8 = self.step_q8.unwrap_or(step_q8);
+        let is_usual = 2 * step_q8 <= LOSS_HALVES * usual_q8 || step_q8 < 1 << 8;
+        let is_new_speed = !is_usual && self.losses_in_a_row >= LOSSES_IN_A_ROW;
+        if is_usual || is_new_speed {
+            let is_steady = 5 * step_q8 <= LEARNING_FIFTHS * usual_q8 || step_q8 < 1 << 8;
+            if is_steady || is_new_speed {
+                self.step_q8 = Some(step_q8);
+            }
             self.losses_in_a_row = 0;
             return true;
         }

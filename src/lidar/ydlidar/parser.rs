@@ -14,6 +14,10 @@ pub struct Arrived<'a> {
     pub start_deg: f64,
     /// Bytes of the packet, and of what followed it in the chunk.
     pub n_bytes: usize,
+    /// Bytes of the packet alone.
+    pub own_bytes: usize,
+    /// Bytes of the stream before the packet.
+    pub at_byte: u64,
 }
 
 /// Finds packets in bytes that arrive in chunks of any size.
@@ -78,11 +82,11 @@ impl PacketParser {
     /// Takes in bytes and hands on each good packet.
     pub fn feed(&mut self, bytes: &[u8], mut on_packet: impl FnMut(Arrived<'_>)) {
         let mut scanner = std::mem::take(&mut self.scanner);
-        scanner.feed(bytes, |rest| self.look(rest, &mut on_packet));
+        scanner.feed(bytes, |rest, at_byte| self.look(rest, at_byte, &mut on_packet));
         self.scanner = scanner;
     }
 
-    fn look(&mut self, rest: &[u8], on_packet: &mut impl FnMut(Arrived<'_>)) -> Look {
+    fn look(&mut self, rest: &[u8], at_byte: u64, on_packet: &mut impl FnMut(Arrived<'_>)) -> Look {
         if rest[0] != 0xAA || rest.get(1).is_some_and(|byte| *byte != 0x55) {
             self.skipped_bytes += 1;
             return Look::Skip(1);
@@ -101,8 +105,10 @@ impl PacketParser {
                 self.samples.clear();
                 head.decode(&packet[HEAD_BYTES..], format, self.geometry, &mut self.samples);
                 let (samples, start_deg) = (&self.samples[..], head.start_deg());
-                on_packet(Arrived { samples, start_deg, n_bytes: rest.len() });
-                return Look::Take(n_bytes);
+                let own_bytes = n_bytes;
+                let n_bytes = rest.len();
+                on_packet(Arrived { samples, start_deg, n_bytes, own_bytes, at_byte });
+                return Look::Take(own_bytes);
             }
         }
         self.refused += 1;

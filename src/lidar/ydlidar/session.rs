@@ -1,7 +1,7 @@
 //! The conversation: stop it, ask who it is, start it, look after it.
 
 use super::{Arrived, Geometry, PacketParser, SampleFormat};
-use crate::lidar::head_angle::HeadAngle;
+use crate::lidar::head_angle::{HeadAngle, Place};
 use crate::lidar::rplidar::{DeviceInfo, Health, HealthStatus, Reply, ReplyReader};
 use crate::lidar::{Counts, Identity, Model, Packet, Request, Sensor, Trouble};
 use crate::time::{Mono, Stamp};
@@ -155,6 +155,9 @@ impl Ydlidar {
             (Query::SampleRate, Reply::Setting(code)) => {
                 if let Some(rate_hz) = sample_rate_hz(self.model, *code) {
                     self.period = Duration::from_secs(1) / rate_hz;
+                    if let Some(identity) = &mut self.identity {
+                        identity.sample_period = Some(self.period);
+                    }
                 }
             }
             _ => return,
@@ -175,6 +178,7 @@ impl Ydlidar {
             firmware: Some(format!("{major}.{minor}")),
             serial: Some(info.serial.iter().map(|digit| char::from(b'0' + digit % 10)).collect()),
             mode: None,
+            sample_period: None,
         }
     }
 
@@ -185,7 +189,13 @@ impl Ydlidar {
             packet.begin(now, arrived.n_bytes, *period);
             packet.samples.extend_from_slice(arrived.samples);
             let n_samples = u32::try_from(arrived.samples.len()).unwrap_or(u32::MAX);
-            packet.n_lost = head.n_lost(arrived.start_deg, n_samples);
+            packet.n_lost = head.n_lost(Place {
+                start_deg: arrived.start_deg,
+                n_samples,
+                at_byte: arrived.at_byte,
+                n_bytes: arrived.own_bytes as u64,
+                is_guarded: true,
+            });
             on_packet(packet);
         });
         if self.identity.is_none() && self.last_frame_at.is_some() {
@@ -267,12 +277,13 @@ impl Sensor for Ydlidar {
 /// The model that a sensor says it is.
 pub(crate) const fn model_of(info: &DeviceInfo) -> Option<Model> {
     Some(match info.model {
-        5 => Model::YdlidarG4,
+        // The G4PRO and the T-mini Plus have the numbers of their sisters.
+        5 | 7 => Model::YdlidarG4,
         6 => Model::YdlidarX4,
         100 => Model::YdlidarTg15,
         101 => Model::YdlidarTg30,
         102 => Model::YdlidarTg50,
-        150 => Model::YdlidarTminiPro,
+        150 | 151 => Model::YdlidarTminiPro,
         _ => return None,
     })
 }

@@ -5,7 +5,7 @@
 use super::{ModeStream, WireCommand, arm_disarm, set_mode};
 use crate::messages::{FlightMode, TAKE_OFF_HEIGHT_M, VehicleCommand};
 use mavlink::MessageData;
-use mavlink::dialects::ardupilotmega::{HEARTBEAT_DATA, MavCmd, MavModeFlag, MavType};
+use mavlink::dialects::ardupilotmega::{HEARTBEAT_DATA, MavCmd, MavModeFlag};
 
 const STABILIZE: u32 = 0;
 const ACRO: u32 = 1;
@@ -30,21 +30,6 @@ const BRAKE_BYTE: u8 = 17;
 const PLACE: [usize; 3] = [0, 6, 11];
 const ATTITUDE: [usize; 3] = [15, 18, 20];
 const YAW: usize = 20;
-
-/// True for the kinds of vehicle that `ArduCopter` flies.
-pub(super) const fn is_copter(heartbeat: &HEARTBEAT_DATA) -> bool {
-    matches!(
-        heartbeat.mavtype,
-        MavType::MAV_TYPE_QUADROTOR
-            | MavType::MAV_TYPE_HEXAROTOR
-            | MavType::MAV_TYPE_OCTOROTOR
-            | MavType::MAV_TYPE_TRICOPTER
-            | MavType::MAV_TYPE_DODECAROTOR
-            | MavType::MAV_TYPE_DECAROTOR
-            | MavType::MAV_TYPE_COAXIAL
-            | MavType::MAV_TYPE_HELICOPTER
-    )
-}
 
 /// A change of mode: a heartbeat leaves at once, and more often for the one that is lost.
 pub(super) const MODE_STREAM: ModeStream =

@@ -41,6 +41,7 @@ impl Session {
             Action::PhaseChanged(PhaseChange { to: Phase::Abort | Phase::Idle, .. }) => {
                 self.commands.abandon(now, out);
             }
+            Action::PhaseChanged(PhaseChange { to: Phase::Land, .. }) => self.commands.withdraw(),
             Action::Start { .. }
             | Action::PhaseChanged(_)
             | Action::FixTreated(_)

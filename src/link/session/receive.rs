@@ -15,6 +15,14 @@ use mavlink::dialects::ardupilotmega::{
     MavResult,
 };
 use mavlink::{MavHeader, Message as _, MessageData as _};
+use std::time::Duration;
+
+/// Frames that overtake one another on the way are not further apart.
+const MOST_REORDERED: u8 = 16;
+/// So many far jumps back of the numbering …
+const JUMPS_OF_TWO: u8 = 4;
+/// … within this time come from two autopilots with the same number; a restart makes one.
+const JUMPS_WITHIN: Duration = Duration::from_secs(2);
 
 /// True for the heartbeat of an autopilot that is spoken here.
 pub(crate) fn is_known_autopilot(header: &MavHeader, data: &HEARTBEAT_DATA) -> bool {
@@ -31,7 +39,7 @@ impl Session {
         out: &mut SessionOutput,
     ) {
         let sent_before = out.messages.len();
-        self.count_missed(header);
+        self.count_missed(header, arrived);
         match u8::try_from(header.system_id) {
             Ok(system) => self.dispatch(system, header.component_id, message, arrived, out),
             Err(_) => self.stats.foreign_messages += 1,
@@ -39,8 +47,9 @@ impl Session {
         self.count_sent(sent_before, out);
     }
 
-    /// Frames of the autopilot that its numbering skips were lost on the way.
-    fn count_missed(&mut self, header: &MavHeader) {
+    /// Frames of the autopilot that its numbering skips were lost on the way; a numbering that jumps
+    /// back and forth is that of two autopilots.
+    fn count_missed(&mut self, header: &MavHeader, arrived: Stamp<Mono>) {
         let Some(autopilot) = &mut self.autopilot else { return };
         let is_autopilot = header.system_id == u32::from(autopilot.system)
             && header.component_id == AUTOPILOT_COMPONENT;
@@ -52,6 +61,8 @@ impl Session {
             // A late or repeated frame would look like almost a whole round.
             if skipped < 128 {
                 self.stats.messages_missed += u64::from(skipped);
+            } else if skipped < u8::MAX - MOST_REORDERED {
+                autopilot.jumps_back(arrived);
             }
         }
         autopilot.next_sequence = Some(header.sequence.wrapping_add(1));
@@ -151,7 +162,11 @@ impl Session {
             (Some(autopilot), Some(dialect))
                 if autopilot.system == system && autopilot.dialect == dialect =>
             {
+                let mode_before = autopilot.state.mode;
                 autopilot.follow(data, arrived);
+                if is_left(mode_before, autopilot.state.mode) {
+                    self.commands.withdraw();
+                }
             }
             _ if data.autopilot == MavAutopilot::MAV_AUTOPILOT_INVALID => {
                 self.stats.foreign_messages += 1;
@@ -175,6 +190,9 @@ impl Session {
     fn current_mode(&mut self, custom_mode: u32, arrived: Stamp<Mono>, out: &mut SessionOutput) {
         let Some(autopilot) = &mut self.autopilot else { return };
         let mode = autopilot.dialect.mode_numbered(custom_mode);
+        if is_left(autopilot.state.mode, mode) {
+            self.commands.withdraw();
+        }
         let is_prompt = autopilot.tells_mode_at_once(arrived);
         autopilot.mode_heard_at = Some(arrived);
         let state = &mut autopilot.state;
@@ -278,7 +296,25 @@ impl Session {
     }
 }
 
+/// True if the companion steers no more.
+fn is_left(before: FlightMode, after: FlightMode) -> bool {
+    before == FlightMode::Companion && after != FlightMode::Companion
+}
+
 impl Autopilot {
+    /// The numbering of its frames has jumped far back.
+    fn jumps_back(&mut self, arrived: Stamp<Mono>) {
+        match &mut self.jumps {
+            Some((first_at, n_jumps)) if arrived.since(*first_at) < JUMPS_WITHIN => {
+                *n_jumps = n_jumps.saturating_add(1);
+                if *n_jumps >= JUMPS_OF_TWO {
+                    self.rival_heard_at = Some(arrived);
+                }
+            }
+            jumps => *jumps = Some((arrived, 1)),
+        }
+    }
+
     fn tells_mode_at_once(&self, now: Stamp<Mono>) -> bool {
         self.dialect.heartbeat_tells_mode()
             || self.mode_heard_at.is_some_and(|at| now.since(at) < MODE_NEWS_EVERY)

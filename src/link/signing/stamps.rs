@@ -70,7 +70,7 @@ pub enum LedgerError {
 #[derive(Debug)]
 pub(super) struct Stamps {
     wall: WallClock,
-    /// No run before this one has used it or a later one.
+    /// No run before this one has used or believed a later one; 0 without one.
     first: u64,
     /// The last stamp that was used or believed.
     latest: u64,
@@ -91,6 +91,11 @@ impl Stamps {
         Ok(Self { wall, first, latest: first, reserved, writer })
     }
 
+    /// No run before this one has used or believed a later stamp; 0 if there was none.
+    pub(super) const fn first(&self) -> u64 {
+        self.first
+    }
+
     /// The own time, whatever others say.
     pub(super) fn own(&self) -> u64 {
         self.wall.stamp().max(self.first)
@@ -104,11 +109,18 @@ impl Stamps {
     /// Others are ahead: later stamps of this side must not lie behind theirs.
     pub(super) fn heard(&mut self, stamp: u64) {
         self.latest = self.latest.max(stamp);
+        self.reserve();
     }
 
     /// A stamp that was never used.
     pub(super) fn next(&mut self) -> u64 {
         self.latest = self.own().max(self.latest + 1).min(LAST_STAMP);
+        self.reserve();
+        self.latest
+    }
+
+    /// Moves the file ahead of what is used up.
+    fn reserve(&mut self) {
         if self.latest + (RESERVED - RENEW_AFTER) > self.reserved {
             let wanted = (self.latest + RESERVED).min(LAST_STAMP);
             // A writer that is still busy gets the next wish.
@@ -117,7 +129,6 @@ impl Stamps {
                 Err(TrySendError::Full(_) | TrySendError::Disconnected(_)) => {}
             }
         }
-        self.latest
     }
 }
 

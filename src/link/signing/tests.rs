@@ -87,7 +87,7 @@ fn unsigned(message: &MavMessage, sender: (u32, u8)) -> MAVLinkMessageRaw {
 }
 
 fn heartbeat() -> MavMessage {
-    MavMessage::HEARTBEAT(mavlink::dialects::ardupilotmega::HEARTBEAT_DATA::default())
+    MavMessage::HEARTBEAT(HEARTBEAT_DATA::default())
 }
 
 fn command() -> MavMessage {
@@ -102,8 +102,8 @@ fn key_bytes() -> [u8; 32] {
 fn frames_that_pymavlink_signed_are_good_once() {
     let mut signing = Scene::new().open();
     let (text, command) = (frame(&PYMAVLINK_STATUSTEXT), frame(&PYMAVLINK_COMMAND));
-    assert_eq!(signing.judge(&text), Ok(()));
-    assert_eq!(signing.judge(&command), Ok(()), "another stream");
+    assert_eq!(signing.judge(&text), Ok(Proof::Signed));
+    assert_eq!(signing.judge(&command), Ok(Proof::Signed), "another stream");
     assert_eq!(signing.judge(&text), Err(Refusal::Replayed));
     let mut changed = PYMAVLINK_COMMAND;
     // The link's number is under the signature and not under the checksum.
@@ -157,28 +157,64 @@ fn wrong_key_old_and_future_stamps_are_refused() {
     assert_eq!(judge(NEW_YEAR - minute - 1, key_bytes(), (1, 1)), Err(Refusal::Old));
     assert_eq!(judge(NEW_YEAR + minute + 1, key_bytes(), (1, 1)), Err(Refusal::FromFuture));
     assert_eq!(judge(u64::MAX >> 16, key_bytes(), (1, 1)), Err(Refusal::FromFuture));
-    assert_eq!(judge(NEW_YEAR - minute, key_bytes(), (1, 1)), Ok(()));
+    assert_eq!(judge(NEW_YEAR - minute, key_bytes(), (1, 1)), Ok(Proof::Signed));
     // A stream that runs may lag behind; it must only go forward.
-    assert_eq!(judge(NEW_YEAR - minute + 1, key_bytes(), (1, 1)), Ok(()));
+    assert_eq!(judge(NEW_YEAR - minute + 1, key_bytes(), (1, 1)), Ok(Proof::Signed));
     assert_eq!(judge(NEW_YEAR - minute + 1, key_bytes(), (1, 1)), Err(Refusal::Replayed));
     assert_eq!(judge(NEW_YEAR - minute, key_bytes(), (1, 1)), Err(Refusal::Replayed));
-    assert_eq!(judge(NEW_YEAR + minute, key_bytes(), (1, 1)), Ok(()));
+    assert_eq!(judge(NEW_YEAR + minute, key_bytes(), (1, 1)), Ok(Proof::Signed));
     // A believed stamp ahead does not move the bound on the future, so nobody can walk it away.
     assert_eq!(judge(NEW_YEAR + minute + 1, key_bytes(), (1, 1)), Err(Refusal::FromFuture));
 }
 
 #[test]
+fn what_an_earlier_run_has_heard_cannot_begin_a_stream() {
+    let scene = Scene::new();
+    let start = signed(&command(), (255, 190), NEW_YEAR + 7, &key_bytes());
+    let beat = |stamp| signed(&heartbeat(), (1, 1), stamp, &key_bytes());
+    assert_eq!(scene.open().judge(&start), Ok(Proof::Signed));
+    // The service restarts, and somebody who has listened is first to speak.
+    let mut signing = scene.open();
+    assert_eq!(signing.judge(&start), Err(Refusal::Old));
+    // A heartbeat may make the acquaintance, of an autopilot without a clock too, and once it has signed
+    // with ours, none of an earlier time counts.
+    assert_eq!(signing.judge(&beat(NEW_YEAR + 8)), Ok(Proof::SignedBefore));
+    assert_eq!(signing.judge(&beat(5)), Ok(Proof::SignedBefore));
+    // The ground station has heard this side, which sets its clock, and goes on.
+    let MAVLinkMessageRaw::V2(mut own) = unsigned(&heartbeat(), (1, 191)) else {
+        panic!("version 2")
+    };
+    signing.sign(&mut own);
+    let next = own.signature_timestamp() + 1;
+    let resumed = signed(&command(), (255, 190), next, &key_bytes());
+    assert_eq!(signing.judge(&resumed), Ok(Proof::Signed));
+    assert_eq!(signing.judge(&start), Err(Refusal::Replayed));
+    assert_eq!(signing.judge(&beat(next)), Ok(Proof::Signed));
+    assert_eq!(signing.judge(&beat(NEW_YEAR + 9)), Err(Refusal::Replayed));
+}
+
+#[test]
 fn unsigned_heartbeats_count_until_their_sender_has_signed() {
     let mut signing = Scene::new().open();
-    assert_eq!(signing.judge(&unsigned(&heartbeat(), (1, 1))), Ok(()));
+    assert_eq!(signing.judge(&unsigned(&heartbeat(), (1, 1))), Ok(Proof::NotNeeded));
     assert_eq!(signing.judge(&unsigned(&command(), (1, 1))), Err(Refusal::Unsigned));
     // Even with a wrong signature it is as good as an unsigned one.
-    assert_eq!(signing.judge(&signed(&heartbeat(), (1, 1), NEW_YEAR, &[9; 32])), Ok(()));
-    assert_eq!(signing.judge(&signed(&command(), (1, 1), NEW_YEAR, &key_bytes())), Ok(()));
+    assert_eq!(
+        signing.judge(&signed(&heartbeat(), (1, 1), NEW_YEAR, &[9; 32])),
+        Ok(Proof::NotNeeded)
+    );
+    assert_eq!(
+        signing.judge(&signed(&command(), (1, 1), NEW_YEAR, &key_bytes())),
+        Ok(Proof::Signed)
+    );
     assert_eq!(signing.judge(&unsigned(&heartbeat(), (1, 1))), Err(Refusal::Unsigned));
     let forged = signed(&heartbeat(), (1, 1), NEW_YEAR + 5, &[9; 32]);
     assert_eq!(signing.judge(&forged), Err(Refusal::WrongSignature));
-    assert_eq!(signing.judge(&unsigned(&heartbeat(), (1, 51))), Ok(()), "another component");
+    assert_eq!(
+        signing.judge(&unsigned(&heartbeat(), (1, 51))),
+        Ok(Proof::NotNeeded),
+        "another component"
+    );
 }
 
 #[test]

@@ -2,6 +2,7 @@
 
 use super::{Ends, Outgoing, Timer, count, hand_on, numbered_frame};
 use crate::link::session::is_known_autopilot;
+use crate::link::signing::Proof;
 use crate::link::wire;
 use crate::time::{Mono, Stamp};
 use mavlink::dialects::ardupilotmega::MavMessage;
@@ -33,6 +34,8 @@ pub(super) struct Socket {
 struct Peer {
     addr: SocketAddr,
     is_configured: bool,
+    /// The best that it has shown of having the key.
+    proof: Proof,
     heard_at: Stamp<Mono>,
 }
 
@@ -42,7 +45,8 @@ impl Socket {
         let Some(peer) = peer else { return Ok(Self { socket, peer: None }) };
         let unknown = || io::Error::new(io::ErrorKind::NotFound, format!("`{peer}` is not known"));
         let addr = tokio::net::lookup_host(peer).await?.next().ok_or_else(unknown)?;
-        let peer = Peer { addr, is_configured: true, heard_at: Stamp::ZERO };
+        let peer =
+            Peer { addr, is_configured: true, proof: Proof::NotNeeded, heard_at: Stamp::ZERO };
         Ok(Self { socket, peer: Some(peer) })
     }
 
@@ -50,28 +54,54 @@ impl Socket {
         self.socket.local_addr()
     }
 
-    /// True if another address is the peer and speaks: what `from` says is not even parsed.
-    fn is_taken_by_another(&self, from: SocketAddr, now: Stamp<Mono>) -> bool {
+    /// True if another address is the peer and speaks: what `from` says is not even parsed. Where frames
+    /// are signed, a peer that has not signed is none that keeps others out.
+    fn is_taken_by_another(&self, from: SocketAddr, signs: bool, now: Stamp<Mono>) -> bool {
         self.peer.is_some_and(|peer| {
-            peer.addr != from && (peer.is_configured || now.since(peer.heard_at) < PEER_SILENT_FOR)
+            let keeps_place = peer.proof == Proof::Signed || !signs;
+            peer.addr != from && (peer.is_configured || (keeps_place && !peer.is_silent(now)))
         })
     }
 
-    /// True if frames from `from` may be handed on. The first autopilot's heartbeat fixes the
-    /// peer; another address takes its place only after a long silence, and only the same way.
-    /// `frames` are those that the guard lets pass: nobody takes the place with a forged one.
-    fn admits(&mut self, from: SocketAddr, frames: &[MAVLinkMessageRaw], now: Stamp<Mono>) -> bool {
+    /// True if frames from `from` may be handed on. The first autopilot's heartbeat fixes the peer;
+    /// another address takes its place only after a long silence, and only the same way. Where frames
+    /// are signed, it must show as much of the key as the peer has, and who shows more has the place at
+    /// once.
+    fn admits(
+        &mut self,
+        from: SocketAddr,
+        frames: &[Admitted],
+        signs: bool,
+        now: Stamp<Mono>,
+    ) -> bool {
         if let Some(peer) = self.peer.as_mut().filter(|peer| peer.addr == from) {
             peer.heard_at = now;
+            peer.proof = frames.iter().map(|admitted| admitted.proof).fold(peer.proof, Proof::max);
             return true;
         }
-        let is_autopilot = frames.iter().any(is_autopilot_heartbeat);
-        if is_autopilot {
-            self.peer = Some(Peer { addr: from, is_configured: false, heard_at: now });
+        let heartbeats = frames.iter().filter(|admitted| is_autopilot_heartbeat(&admitted.frame));
+        let Some(proof) = heartbeats.map(|admitted| admitted.proof).max() else { return false };
+        let takes_place = self.peer.is_none_or(|peer| {
+            !signs || proof > peer.proof || (proof == peer.proof && peer.is_silent(now))
+        });
+        if takes_place {
+            self.peer = Some(Peer { addr: from, is_configured: false, proof, heard_at: now });
             tracing::info!(%from, "the autopilot's datagrams come from here");
         }
-        is_autopilot
+        takes_place
     }
+}
+
+impl Peer {
+    fn is_silent(&self, now: Stamp<Mono>) -> bool {
+        now.since(self.heard_at) >= PEER_SILENT_FOR
+    }
+}
+
+/// A frame that the guard lets pass: nobody takes the place with a forged one.
+struct Admitted {
+    frame: MAVLinkMessageRaw,
+    proof: Proof,
 }
 
 /// Works until `stop` is cancelled.
@@ -102,21 +132,23 @@ fn take_in<T: Timer>(socket: &mut Socket, datagram: &[u8], from: SocketAddr, end
     if !ends.guard.admits_address(from.ip()) {
         return;
     }
-    if socket.is_taken_by_another(from, arrived) {
+    let signs = ends.guard.signs();
+    if socket.is_taken_by_another(from, signs, arrived) {
         count(&ends.counters.strangers);
         return;
     }
-    let mut frames = frames(datagram);
+    let frames = frames(datagram);
     let is_garbage = frames.is_empty();
-    frames.retain(|frame| ends.guard.admits(frame, arrived));
-    if !socket.admits(from, &frames, arrived) {
+    let admitted = |frame| ends.guard.proof(&frame, arrived).map(|proof| Admitted { frame, proof });
+    let frames: Vec<Admitted> = frames.into_iter().filter_map(admitted).collect();
+    if !socket.admits(from, &frames, signs, arrived) {
         count(&ends.counters.strangers);
         return;
     }
     if is_garbage {
         count(&ends.counters.garbage_datagrams);
     }
-    for frame in &frames {
+    for Admitted { frame, .. } in &frames {
         hand_on(frame, arrived, &ends.received, &ends.counters);
     }
 }

@@ -1,10 +1,11 @@
 //! `stockpilot markers survey`.
 
 use super::markers_file;
-use anyhow::ensure;
+use anyhow::{Context, ensure};
 use clap::Args;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use stockpilot::config;
 use stockpilot::markers::{Constraints, SurveyReport, SurveyRequest, TagName, survey};
 
 #[derive(Debug, Args)]
@@ -35,6 +36,9 @@ pub(crate) struct SurveyArgs {
     /// Write the map for markers.file of the configuration; the file must not exist.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
+    /// Write the map's file and its σ into this configuration file, unless what was held out disagrees.
+    #[arg(long, value_name = "CONFIG", requires = "out")]
+    write: Option<PathBuf>,
     /// Print one JSON object.
     #[arg(long)]
     json: bool,
@@ -66,9 +70,48 @@ pub(crate) fn run(args: &SurveyArgs) -> anyhow::Result<ExitCode> {
     } else {
         print_survey(&report);
     }
-    let agrees = report.held_out.is_none_or(|held_out| held_out.agrees)
-        && report.tapes.iter().all(|tape| tape.agrees);
+    let agrees = agrees(&report);
+    if let (Some(config), Some(map)) = (&args.write, &args.out) {
+        write_into(config, map, &report)?;
+    }
+    if !args.json {
+        print_next(args, report.marker_sigma_m);
+    }
     Ok(if agrees { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}
+
+/// What the map was not made of agrees with it.
+fn agrees(report: &SurveyReport) -> bool {
+    report.held_out.is_none_or(|held_out| held_out.agrees)
+        && report.tapes.iter().all(|tape| tape.agrees)
+}
+
+/// Puts the map and its σ into a configuration.
+fn write_into(config: &Path, map: &Path, report: &SurveyReport) -> anyhow::Result<()> {
+    ensure!(
+        agrees(report),
+        "nothing was written into {}: what was held out of the map disagrees with it, so its σ are too small",
+        config.display()
+    );
+    config::write_markers(config, map, report.marker_sigma_m).with_context(|| {
+        format!(
+            "cannot write {}; tags that it has of its own go out first where the survey has them, too",
+            config.display()
+        )
+    })
+}
+
+/// What was done with the σ, or is still to be done: an old one would go into every volume.
+#[expect(clippy::print_stdout, reason = "the program's output")]
+fn print_next(args: &SurveyArgs, sigma_m: f64) {
+    if let Some(config) = &args.write {
+        println!("markers.file and marker_sigma_m = {sigma_m:.4} written to {}", config.display());
+        return;
+    }
+    println!(
+        "into the configuration belong markers.file and surface.uncertainty.marker_sigma_m = {sigma_m:.4} (root mean \
+         square of the σ above): --out FILE --write CONFIG puts them there"
+    );
 }
 
 /// What a survey says to people.
@@ -123,5 +166,54 @@ fn print_survey(report: &SurveyReport) {
     }
     if !report.is_complete {
         println!("the log ends early or has gaps; what is there was used");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use stockpilot::markers::HeldOut;
+
+    const EXAMPLE: &str = include_str!("../../../deploy/config.example.toml");
+
+    fn report(agrees: bool) -> SurveyReport {
+        SurveyReport {
+            tags: Vec::new(),
+            not_tied: Vec::new(),
+            n_frames: 10,
+            n_frames_used: 10,
+            n_corners: 400,
+            n_outliers: 0,
+            residual_rms_px: 0.2,
+            variance_factor: 1.0,
+            marker_sigma_m: 0.0027,
+            edge_factor: 1.0,
+            edge_factor_sigma: 0.001,
+            held_out: Some(HeldOut {
+                n_frames: 2,
+                variance_factor: 3.0,
+                variance_factor_used: 1.0,
+                agrees,
+            }),
+            tapes: Vec::new(),
+            is_complete: true,
+        }
+    }
+
+    #[test]
+    fn the_sigma_of_a_survey_reaches_the_budget_unless_it_disagrees() {
+        let folder = tempfile::tempdir().unwrap();
+        let (config, map) = (folder.path().join("hall.toml"), folder.path().join("map.toml"));
+        std::fs::write(&config, EXAMPLE).unwrap();
+        let corners = "[[0.0, 6.0, 2.0], [0.0, 6.5, 2.0], [0.0, 6.5, 2.5], [0.0, 6.0, 2.5]]";
+        let tag = format!("[[tags]]\nfamily = \"36h11\"\nid = 40\ncorners_m = {corners}\n");
+        std::fs::write(&map, tag).unwrap();
+        let refusal = write_into(&config, &map, &report(false)).unwrap_err().to_string();
+        assert!(refusal.contains("disagrees"), "{refusal}");
+        assert_eq!(std::fs::read_to_string(&config).unwrap(), EXAMPLE);
+        write_into(&config, &map, &report(true)).unwrap();
+        let read = config::load(&config, &[]).unwrap();
+        assert!((read.surface.uncertainty.marker_sigma_m - 0.0027).abs() < 1e-12);
+        assert!(read.tags.iter().any(|tag| tag.id == 40));
     }
 }

@@ -207,3 +207,41 @@ fn what_wrong_poses_have_seen_is_forgotten() {
         assert_eq!(volumes(&mapper), volumes(&as_if_never), "{method:?}");
     }
 }
+
+#[test]
+fn a_scan_measures_where_distances_in_reach_come_from_past_the_own_body() {
+    let mapper = Mapper::new(settings(Method::KalmanGrid));
+    let scan = |range_m: &dyn Fn(u8) -> f32, from_rad: f32, step_rad: f32| Scan {
+        start: Stamp::from_nanos(1_000),
+        beams: (0..100)
+            .map(|k| Beam {
+                offset_ns: 10 * u32::from(k),
+                angle_rad: from_rad + f32::from(k) * step_rad,
+                range_m: range_m(k),
+                intensity: 9,
+            })
+            .collect(),
+    };
+    let measured_ns = |scan: &Scan| mapper.measured_at(scan).map(Stamp::nanos);
+    assert_eq!(measured_ns(&scan(&|_| 4.0, 0.0, 0.025)), Some(1_990));
+    assert_eq!(measured_ns(&scan(&|k| if k < 50 { 4.0 } else { 0.0 }, 0.0, 0.025)), Some(1_490));
+    // Nothing comes back, all too near or too far, the own body alone.
+    for (range_m, from_rad, step_rad) in
+        [(0.0, 0.0, 0.025), (0.05, 0.0, 0.025), (12.5, 0.0, 0.025), (4.0, 2.65, 0.005)]
+    {
+        assert_eq!(
+            mapper.measured_at(&scan(&|_| range_m, from_rad, step_rad)),
+            None,
+            "{range_m} m"
+        );
+    }
+    // A head that stands, at the cut of the angles too, and one that turns over it.
+    assert!(
+        !scan(&|_| 4.0, 0.3, 0.0).is_turning()
+            && !Scan { beams: Vec::new(), ..scan(&|_| 4.0, 0.0, 0.1) }.is_turning()
+    );
+    let mut at_cut = scan(&|_| 4.0, 3.135, 0.0);
+    at_cut.beams.iter_mut().step_by(2).for_each(|beam| beam.angle_rad = -3.135);
+    assert!(!at_cut.is_turning());
+    assert!(scan(&|_| 4.0, 3.1, 0.001).is_turning());
+}

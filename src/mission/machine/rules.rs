@@ -72,6 +72,22 @@ impl Mission {
         true
     }
 
+    /// Nobody knows whether the autopilot flies by the same place. True if it lands.
+    pub(super) fn lands_untold(&mut self, inputs: &Inputs, effects: &mut Vec<Effect>) -> bool {
+        let is_untold =
+            inputs.disagreement_m.is_none() && inputs.has_position && !inputs.is_autopilot_lost;
+        self.untold_since = since(self.untold_since, is_untold, inputs.now);
+        let is_lasting = |at: Stamp<Mono>| inputs.now.since(at) >= self.settings.land_after_untold;
+        let is_flown = self.is_steering() && self.phase != Phase::Preflight;
+        if !is_flown || !self.untold_since.is_some_and(is_lasting) {
+            return false;
+        }
+        let text = "autopilot does not tell its position: landing".to_owned();
+        effects.push(Effect::Say(Severity::Critical, text));
+        self.enter(Phase::Land, "the autopilot's position is unknown", inputs.now, effects);
+        true
+    }
+
     pub(super) fn holds_too_near(&mut self, inputs: &Inputs, effects: &mut Vec<Effect>) -> bool {
         if inputs.intrusion_m <= self.settings.max_intrusion_m {
             return false;

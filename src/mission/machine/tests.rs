@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::messages::{LandedState, Room, Severity, StorageState, TakeOff, VehicleState};
-use crate::mission::PreflightFault;
+use crate::mission::guards::{PreflightFault, preflight_faults};
 use std::time::Duration;
 
 fn inputs(seconds: f64) -> Inputs {
@@ -12,6 +12,7 @@ fn inputs(seconds: f64) -> Inputs {
         is_autopilot_lost: false,
         has_position: true,
         is_late: false,
+        has_samples: true,
         has_lidar: true,
         battery_ratio: Some(0.9),
         battery_heard_at: None,
@@ -515,6 +516,28 @@ fn a_take_off_by_command_that_does_not_lift_lands() {
     assert_eq!(mission.phase(), Phase::TakeOff);
     assert!(mission.on_operator(OperatorVerb::Hold, &on_ground(4.0, true), &mut effects));
     assert_eq!(mission.phase(), Phase::Land);
+}
+
+#[test]
+fn it_lands_where_the_autopilot_does_not_tell_its_place() {
+    let untold = |seconds| Inputs { disagreement_m: None, ..flying(seconds) };
+    let lands_at = |inputs: &dyn Fn(f64) -> Inputs| {
+        let mut mission = surveying();
+        let mut effects = Vec::new();
+        (0..100).map(|tick| 11.0 + 0.1 * f64::from(tick)).find(|seconds| {
+            mission.step(&inputs(*seconds), &mut effects);
+            mission.phase() == Phase::Land
+        })
+    };
+    let landed_s = lands_at(&untold).expect("a landing");
+    assert!((landed_s - 14.0).abs() < 0.11, "{landed_s} s");
+    // A gap of two seconds, a silent autopilot and a lost place of one's own are other rules' matter.
+    assert_eq!(lands_at(&|s| if s % 2.5 < 2.0 { untold(s) } else { flying(s) }), None);
+    assert_eq!(lands_at(&|s| Inputs { is_autopilot_lost: true, ..untold(s) }), None);
+    // On the ground it is a reason not to start.
+    let on_ground = Inputs { disagreement_m: None, ..inputs(0.0) };
+    let faults = preflight_faults(&on_ground, &Settings::default());
+    assert!(faults.contains(&PreflightFault::PositionUntold), "{faults:?}");
 }
 
 #[test]

@@ -1,6 +1,5 @@
 use super::*;
 use std::io::{Cursor, SeekFrom};
-use std::sync::{Mutex, MutexGuard};
 
 /// A disk with room for so many bytes.
 #[derive(Debug)]
@@ -30,6 +29,28 @@ impl Seek for SmallDisk {
 
 fn tick(n: i64) -> Event {
     Event::Ticked(Stamp::from_nanos(n))
+}
+
+#[test]
+fn what_becomes_known_later_is_noted_and_the_newest_holds() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("flight-1.mcap");
+    let notes = [("started_utc".to_owned(), "2026-03-01T06:00:00Z".to_owned())].into();
+    let mut recorder =
+        Recorder::create(&path, &LogHeader { notes, ..LogHeader::default() }).unwrap().waiting();
+    let noted = recorder.notes();
+    for n in 0..3 {
+        recorder.event(Stamp::ZERO, &Event::Ticked(Stamp::ZERO));
+        noted.add("lidar", &format!("LD{n}"));
+    }
+    assert_eq!(recorder.close().lost_on_disk, 0);
+    // After the end nobody reads them, and nobody waits.
+    noted.add("lidar", "none");
+    let mut reader = crate::record::LogReader::open(&path).unwrap();
+    assert_eq!(reader.by_ref().count(), 4, "the configuration and three events");
+    assert!(reader.is_complete(), "{:?}", reader.damage());
+    assert_eq!(reader.notes()["lidar"], "LD2");
+    assert_eq!(reader.notes()["started_utc"], "2026-03-01T06:00:00Z");
 }
 
 #[test]
@@ -100,6 +121,7 @@ fn a_full_queue_is_counted_and_told_with_the_next_entry() {
         queue: Some(queue),
         metronome_stop: None,
         threads: Vec::new(),
+        notes: LogNotes::default(),
         counts,
         lost_here: 0,
         last_lost_at: Stamp::ZERO,

@@ -1,7 +1,8 @@
 use super::*;
-use crate::messages::ImuSample;
+use crate::messages::{ImuSample, OperatorCommand, OperatorRequest, OperatorVerb};
 use crate::mission::Phase;
 use crate::pilot::{Action, Event, PhaseChange};
+use crate::record::entry::{Entry, Written};
 use crate::record::writer::LogWriter;
 use crate::record::{LogHeader, Recorder};
 use crate::time::{Mono, Stamp};
@@ -146,6 +147,117 @@ fn empty_logs_go_first_then_reported_surveys_and_no_other_ever() {
     // What was said of a deleted survey stays.
     assert!(folder.path().join("flight-1.reported.json").exists());
     assert!(!folder.path().join("flight-3.empty").exists());
+}
+
+/// A log that grows under the eyes of whoever reports it, as the service writes it.
+struct Growing {
+    path: PathBuf,
+    log: LogWriter<std::fs::File>,
+    at_s: i64,
+}
+
+impl Growing {
+    fn begin(folder: &Path) -> Self {
+        let path = folder.join("flight-1.mcap");
+        let file = std::fs::File::create_new(&path).unwrap();
+        let log = LogWriter::begin(file, &LogHeader::default()).unwrap();
+        Self { path, log, at_s: 1 }
+    }
+
+    fn write(&mut self, entry: &Entry) {
+        let at = self.now();
+        self.log.write(at, &Written::new(at, entry, None).unwrap()).unwrap();
+        self.log.flush().unwrap();
+        self.at_s += 1;
+    }
+
+    fn now(&self) -> Stamp<Mono> {
+        Stamp::from_nanos(self.at_s * 1_000_000_000)
+    }
+
+    /// A person asks for a flight, and it takes off.
+    fn fly(&mut self, verb: OperatorVerb) {
+        let (at, from) = (self.now(), OperatorRequest { system: 255, component: 190 });
+        self.write(&Entry::from(&Event::Operator(OperatorCommand { at, verb, from })));
+        for to in [Phase::Preflight, Phase::TakeOff] {
+            let (from, reason) = (Phase::Idle, "operator".to_owned());
+            let change = PhaseChange { at, from, to, reason };
+            self.write(&Entry::from(&Action::PhaseChanged(change)));
+        }
+    }
+
+    fn stand(&mut self) {
+        (0..30).for_each(|_| self.write(&Entry::from(&Event::Ticked(Stamp::ZERO))));
+    }
+}
+
+/// What is left of one log after its service has ended and room was made on a full disk.
+fn left_after(grow: impl FnOnce(&mut Growing)) -> usize {
+    let folder = tempfile::tempdir().unwrap();
+    let mut growing = Growing::begin(folder.path());
+    grow(&mut growing);
+    growing.log.finish().unwrap();
+    let current = folder.path().join("flight-2.mcap");
+    let mut shelf = Shelf::new(folder.path().to_owned(), current);
+    shelf.make_room(|| false).unwrap();
+    shelved_logs(folder.path()).unwrap().len()
+}
+
+#[test]
+fn a_log_that_was_flown_with_after_its_report_is_kept() {
+    let report = |log: &Growing, number| Seen::look(&log.path).unwrap().mark("report", number);
+    // Standing on the ground is nothing to report.
+    let left = left_after(|log| {
+        log.fly(OperatorVerb::Start);
+        assert!(report(log, 1).unwrap());
+        log.stand();
+    });
+    assert_eq!(left, 0);
+    for verb in [OperatorVerb::Start, OperatorVerb::FlyGaps] {
+        let left = left_after(|log| {
+            log.fly(OperatorVerb::Start);
+            assert!(report(log, 1).unwrap());
+            log.stand();
+            log.fly(verb);
+        });
+        assert_eq!(left, 1, "{verb:?}");
+    }
+    // Looked at before the second flight, marked after it.
+    let left = left_after(|log| {
+        log.fly(OperatorVerb::Start);
+        let seen = Seen::look(&log.path).unwrap();
+        log.fly(OperatorVerb::Start);
+        assert!(seen.mark("report", 1).unwrap());
+    });
+    assert_eq!(left, 1);
+}
+
+#[test]
+fn a_log_goes_once_each_of_its_surveys_is_reported() {
+    let left = left_after(|log| {
+        log.fly(OperatorVerb::Start);
+        log.fly(OperatorVerb::Start);
+        assert!(!Seen::look(&log.path).unwrap().mark("report", 2).unwrap());
+    });
+    assert_eq!(left, 1);
+    let left = left_after(|log| {
+        log.fly(OperatorVerb::Start);
+        log.fly(OperatorVerb::Start);
+        for (number, is_of_all) in [(2, false), (1, true)] {
+            assert_eq!(Seen::look(&log.path).unwrap().mark("report", number).unwrap(), is_of_all);
+        }
+    });
+    assert_eq!(left, 0);
+}
+
+#[test]
+fn a_mark_of_a_program_that_did_not_say_of_what_is_none() {
+    let left = left_after(|log| {
+        log.fly(OperatorVerb::Start);
+        let mark = log.path.with_extension("reported.json");
+        std::fs::write(mark, br#"{"what":"report","at_utc":"2026-03-01T06:00:00Z"}"#).unwrap();
+    });
+    assert_eq!(left, 1);
 }
 
 #[test]

@@ -90,12 +90,7 @@ impl Collector {
         // With one bay the whole is told twice.
         let skip = usize::from(self.accounts.len() == 2);
         let shown = self.accounts.iter().enumerate().skip(skip);
-        let stated = shown.filter_map(|(k, account)| {
-            let mut volume = volume(account, self.earlier_accounts.get(k))?;
-            volume.until_target_s = self.until_target_s(k, account);
-            Some(volume)
-        });
-        stated.collect()
+        shown.filter_map(|(k, account)| volume(account, self.earlier_accounts.get(k))).collect()
     }
 
     fn target(&self) -> Target {
@@ -111,15 +106,6 @@ impl Collector {
             left_s,
             end_percent: left_s.and_then(|_| self.end_percent()),
         }
-    }
-
-    /// Time until a volume's U meets its aim, if that is to be expected on the way ahead.
-    fn until_target_s(&self, nth: usize, account: &VolumeAccount) -> Option<f64> {
-        let outlook = self.outlook.as_ref().filter(|outlook| outlook.phase == Phase::Survey)?;
-        expanded_percent(account)?;
-        let percent = self.target().percent;
-        let until_s = self.remaining.until_s(outlook.at, (nth, account), percent)?;
-        self.left_s().is_none_or(|left_s| until_s <= left_s).then_some(until_s)
     }
 
     /// U of the whole at the end of the plan, % of the volume as it is now, from planners that know.
@@ -177,6 +163,9 @@ impl Collector {
             LidarHealth::Silent => (Level::Bad, "silent".to_owned()),
             LidarHealth::NoFrames { baud } => {
                 (Level::Bad, format!("nothing readable at {baud} baud"))
+            }
+            LidarHealth::Unknown { name, baud } => {
+                (Level::Bad, format!("{name} answers at {baud} baud: set lidar.model"))
             }
             LidarHealth::Stalled => (Level::Bad, "its head stands still".to_owned()),
             LidarHealth::Faulty { reason } | LidarHealth::Disconnected { reason } => {
@@ -308,7 +297,6 @@ fn volume(account: &VolumeAccount, before: Option<&VolumeAccount>) -> Option<Vol
             shares.disturbed_ratio,
         ],
         trend,
-        until_target_s: None,
         sources: sources
             .filter(is_of_volume)
             .take(SOURCES_SHOWN)

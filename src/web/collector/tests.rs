@@ -5,8 +5,8 @@ use crate::camera::CameraStats;
 use crate::geometry::{Direction, Point, Rotation, Transform};
 use crate::lidar::LidarStatus;
 use crate::messages::{
-    BudgetRow, BudgetSource, GridGeometry, NavEstimate, StatusText, VolumeAccount, VolumeBudget,
-    VolumeEstimate, VolumeShares,
+    GridGeometry, NavEstimate, StatusText, VolumeAccount, VolumeBudget, VolumeEstimate,
+    VolumeShares,
 };
 use crate::pilot::{OfferedGap, PhaseChange, PlanChoice};
 use crate::planning::planner::{PlanEnd, Prediction};
@@ -247,44 +247,4 @@ async fn the_way_ahead_is_told_where_it_is_that_of_the_whole_survey() {
     collector.take(plan(PlanEnd::Target, Some(1.5)), now);
     // 2 · 1.5 m³ of 200 m³.
     assert!((target(&collector).end_percent.unwrap() - 1.5).abs() < 1e-9);
-}
-
-#[tokio::test]
-async fn each_bay_has_a_time_of_its_own_until_its_target() {
-    let mut collector = collector();
-    let now = Instant::now();
-    let bay = |name, var_m6: f64| account(name, 100.0, var_m6.sqrt());
-    let mut heard = |at_s: i64| {
-        let t = f64::from(i32::try_from(at_s).unwrap());
-        // U of 2 % of 100 m³ is σ = 1 m³: the first gets there from 41 − 0.5·60 in 20 s.
-        let mut floored = bay("on an unsure floor", 41.0 - 0.5 * t);
-        floored.budget.rows.push(BudgetRow { source: BudgetSource::Base, var_m6: 1.2 });
-        let told = vec![
-            bay("hall", 41.0 - 0.5 * t),
-            bay("not flown over", 30.0),
-            bay("slow", 300.0 - 0.2 * t),
-            bay("met", (3.0 - 0.04 * t).max(0.9)),
-            floored,
-        ];
-        let at = Stamp::from_nanos(at_s * 1_000_000_000);
-        collector.take(News::Action(at, Action::VolumesAccounted(told)), now);
-        collector.take(News::Outlook(Box::new(outlook(at_s, Phase::Survey)), Box::default()), now);
-        collector.picture(&beside(now)).volumes.iter().map(|v| v.until_target_s).collect::<Vec<_>>()
-    };
-    let mut newest = Vec::new();
-    for at_s in (0..=60).step_by(3) {
-        newest = heard(at_s);
-        if at_s < 18 {
-            assert!(newest.iter().all(Option::is_none), "{at_s} s say nothing: {newest:?}");
-        }
-    }
-    assert!((newest[0].unwrap() - 20.0).abs() < 1e-6, "{newest:?}");
-    assert_eq!(newest[1..], [None; 4], "{newest:?}");
-    // Between the accounts the time runs.
-    collector.take(News::Outlook(Box::new(outlook(65, Phase::Survey)), Box::default()), now);
-    let later = collector.picture(&beside(now)).volumes[0].until_target_s.unwrap();
-    assert!((later - 15.0).abs() < 1e-6, "{later}");
-    // On the way home nothing falls any more.
-    collector.take(News::Outlook(Box::new(outlook(66, Phase::Return)), Box::default()), now);
-    assert_eq!(collector.picture(&beside(now)).volumes[0].until_target_s, None);
 }

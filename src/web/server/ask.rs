@@ -145,6 +145,9 @@ pub(in crate::web) struct ReviewWish {
     /// What the person says to it.
     #[serde(default)]
     remark: String,
+    /// Who decides, for the report.
+    #[serde(default)]
+    by: Option<String>,
 }
 
 fn refused(status: StatusCode, reason: impl Into<String>) -> Response {
@@ -245,6 +248,7 @@ pub(super) async fn review(
         verdict: wish.verdict,
         remark: wish.remark.chars().take(LONGEST_REMARK).collect(),
         remarks: picture.review.remarks,
+        decided_by: wish.by.map(|name| name.chars().take(LONGEST_NAME).collect()),
         decided_utc: jiff::Timestamp::now().to_string(),
     };
     if let Err(error) = shared.review.append(&decision) {

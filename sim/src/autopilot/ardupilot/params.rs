@@ -43,7 +43,7 @@ impl ApType {
 use ApType::{Int8, Int16, Int32, Real};
 
 /// Entries that the stub does not act on are there to be read and written.
-const DEFAULTS: [(&str, ApType, f32); 63] = [
+const DEFAULTS: [(&str, ApType, f32); 66] = [
     ("ANGLE_MAX", Int16, 3000.0),
     ("ARMING_CHECK", Int32, 1.0),
     ("AHRS_EKF_TYPE", Int8, 3.0),
@@ -100,6 +100,9 @@ const DEFAULTS: [(&str, ApType, f32); 63] = [
     ("SCHED_LOOP_RATE", Int16, 400.0),
     ("VISO_DELAY_MS", Int16, 10.0),
     ("VISO_POS_M_NSE", Real, 0.2),
+    ("VISO_POS_X", Real, 0.0),
+    ("VISO_POS_Y", Real, 0.0),
+    ("VISO_POS_Z", Real, 0.0),
     ("VISO_QUAL_MIN", Int8, 0.0),
     ("VISO_TYPE", Int8, 0.0),
     ("VISO_VEL_M_NSE", Real, 0.1),

@@ -189,13 +189,13 @@ pub(super) fn battery(lab: &mut Lab) -> anyhow::Result<()> {
     })
 }
 
-/// What reaches the autopilot drifts away by 0.3 m/s from now on.
-pub(super) fn drifting_odometry(bench: &mut Bench) {
+/// What reaches the autopilot drifts away by 0.3 m/s from now on, up to this far, m.
+pub(super) fn drifting_odometry(bench: &mut Bench, up_to_m: f64) {
     let struck_at = bench.now();
     bench.flight.link.tamper_with(move |_, now, (header, mut message)| {
         if let MavMessage::ODOMETRY(data) = &mut message {
             #[expect(clippy::cast_possible_truncation, reason = "metres on the wire")]
-            let drift_m = (0.3 * now.seconds_since(struck_at)) as f32;
+            let drift_m = (0.3 * now.seconds_since(struck_at)).min(up_to_m) as f32;
             data.x += drift_m;
         }
         vec![(header, message)]
@@ -206,7 +206,7 @@ pub(super) fn disagreement(lab: &mut Lab) -> anyhow::Result<()> {
     lab.fly(|bench| {
         bench.survey();
         bench.strike();
-        drifting_odometry(bench);
+        drifting_odometry(bench, f64::INFINITY);
         // The drift alone takes 1.7 s to half a metre. The autopilot's belief follows it late, for its
         // own velocity says otherwise: ArduPilot's, which trusts a position by 0.2 m at best, most.
         // Until then it flies where it should, so the way that counts is that of its belief.

@@ -160,8 +160,9 @@ pub(super) fn wraps(lab: &mut Lab) -> anyhow::Result<()> {
         let is_surveying = bench.phase() == Phase::Survey;
         bench.demand(is_surveying && bench.is_steered(), "the survey goes on over the wrap");
         bench.demand(!bench.said("has restarted"), "no restart is made of it");
-        // What the autopilot believes is still compared.
-        drifting_odometry(bench);
+        // What the autopilot believes is still compared. A wall is a metre away, and whoever lands by a
+        // place that drifts on drifts along.
+        drifting_odometry(bench, 0.9);
         bench.safe_within(4.5, "lands", |b| b.phase() == Phase::Land);
         let is_down = bench.until(40.0, Bench::is_down);
         bench.demand(is_down, "on the ground in the end");

@@ -1,4 +1,7 @@
-//! Hokuyo: SCIP 2.0 as a URG-04LX or UTM-30LX speaks it.
+//! Hokuyo: SCIP 2.0 as a URG-04LX, a UTM-30LX or one of their sisters speaks it.
+
+#[cfg(test)]
+mod oracle;
 
 use super::{Device, Frame, Mishap, whole};
 use crate::lidar::{LidarModel, Scene};
@@ -32,6 +35,17 @@ const URG_04LX: Geometry = Geometry {
     last_step: 725,
     front_step: 384,
     turns_per_min: 600,
+};
+/// One whose name the service does not know, with the steps of a UHG-08LX: it must be believed.
+const SISTER: Geometry = Geometry {
+    product: "SOKUIKI Sensor UHG-08LX",
+    nearest_mm: 30,
+    farthest_mm: 11_000,
+    steps_per_turn: 1024,
+    first_step: 0,
+    last_step: 768,
+    front_step: 384,
+    turns_per_min: 900,
 };
 const UTM_30LX: Geometry = Geometry {
     product: "SOKUIKI Sensor TOP-URG UTM-30LX",
@@ -75,7 +89,11 @@ impl Hokuyo {
     pub(super) fn new(_model: &LidarModel, steps: u32, seeds: SeedBook, now: Stamp<Mono>) -> Self {
         let before = seeds.stream("lidar.power_up").between(0.0, 3600.0);
         Self {
-            geometry: if steps == 1024 { URG_04LX } else { UTM_30LX },
+            geometry: match steps {
+                682 => URG_04LX,
+                1081 => UTM_30LX,
+                _ => SISTER,
+            },
             booted: now.minus(Duration::from_secs_f64(before)),
             inbox: Vec::new(),
             answers: Vec::new(),

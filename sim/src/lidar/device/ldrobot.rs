@@ -1,5 +1,8 @@
 //! LDROBOT sensors: they talk as soon as they have power and listen to nothing.
 
+#[cfg(test)]
+mod oracle;
+
 use super::{Device, Frame, Mishap};
 use crate::lidar::head::Head;
 use crate::lidar::simulator::Rhythm;

@@ -2,6 +2,8 @@
 
 mod catalogue;
 mod formats;
+#[cfg(test)]
+mod oracle;
 mod scan;
 
 use super::{Device, Frame, Mishap};

@@ -1,5 +1,8 @@
 //! YDLIDAR: `A5 xx` commands and `AA 55` packets.
 
+#[cfg(test)]
+mod oracle;
+
 use super::{Device, Frame, Mishap, sample_at, whole};
 use crate::lidar::head::Head;
 use crate::lidar::{LidarModel, Scene};

@@ -1,6 +1,7 @@
 //! Commands to the autopilot, and from people.
 
 use super::*;
+use crate::pilot::PhaseChange;
 
 #[test]
 fn of_two_acks_for_a_mode_the_second_counts() {
@@ -72,6 +73,56 @@ fn a_newer_mode_replaces_an_older_one_under_way() {
     let last = scene.sent().pop();
     let Some(MavMessage::COMMAND_LONG(data)) = last else { panic!("{last:?}") };
     assert_eq!((data.param2, data.param3), (4.0, 6.0));
+}
+
+/// The commands among `sent`, by their MAVLink numbers.
+fn commands(sent: &[MavMessage]) -> Vec<MavCmd> {
+    let command = |message: &MavMessage| match message {
+        MavMessage::COMMAND_LONG(data) => Some(data.command),
+        _ => None,
+    };
+    sent.iter().filter_map(command).collect()
+}
+
+#[test]
+fn nothing_unanswered_is_repeated_over_a_pilot_who_has_taken_the_vehicle() {
+    // PX4: OFFBOARD, then position mode, told by CURRENT_MODE or by the heartbeat.
+    let (companion, position) = (0x0006_0000, 0x0003_0000);
+    let by_heartbeat = |scene: &mut Scene| scene.hears(AUTOPILOT, heartbeat(0x9d, position), 100);
+    let by_mode = |scene: &mut Scene| {
+        let mode = wire::CURRENT_MODE_DATA { custom_mode: position, ..Default::default() };
+        scene.hears(AUTOPILOT, MavMessage::CURRENT_MODE(mode), 100);
+    };
+    let taken: [&dyn Fn(&mut Scene); 2] = [&by_heartbeat, &by_mode];
+    for is_taken in taken.into_iter().map(Some).chain([None]) {
+        let mut scene = Scene::heard();
+        scene.hears(AUTOPILOT, heartbeat(0x9d, companion), 10);
+        scene.acts(&Action::Command(VehicleCommand::Disarm), 50);
+        assert_eq!(commands(&scene.sent()), [MavCmd::MAV_CMD_COMPONENT_ARM_DISARM]);
+        if let Some(take) = is_taken {
+            take(&mut scene);
+        }
+        scene.tick(700);
+        let is_repeated = commands(&scene.sent()).contains(&MavCmd::MAV_CMD_COMPONENT_ARM_DISARM);
+        assert_eq!(is_repeated, is_taken.is_none(), "a lost one is repeated else");
+    }
+}
+
+#[test]
+fn what_was_asked_before_a_landing_is_not_repeated_in_it() {
+    let mut scene = Scene::heard();
+    scene.acts(&Action::Command(VehicleCommand::Arm), 0);
+    let change = PhaseChange {
+        at: at_ms(100),
+        from: Phase::Preflight,
+        to: Phase::Land,
+        reason: "operator".to_owned(),
+    };
+    scene.acts(&Action::PhaseChanged(change), 100);
+    scene.acts(&Action::Command(VehicleCommand::EnterLand), 100);
+    scene.sent();
+    scene.tick(700);
+    assert_eq!(commands(&scene.sent()), [MavCmd::MAV_CMD_DO_SET_MODE]);
 }
 
 #[test]

@@ -60,6 +60,53 @@ fn a_second_autopilot_is_refused_and_counted() {
     assert_eq!(scene.session.stats().foreign_messages, 1);
 }
 
+/// What is told of rivals after the frames of `sequences`, 5 ms apart, and a heartbeat.
+fn is_contested_after(sequences: impl Iterator<Item = u8>) -> bool {
+    let mut scene = Scene::heard();
+    let imu = |at| MavMessage::HIGHRES_IMU(highres_imu(at));
+    let mut ms = 0;
+    for sequence in sequences {
+        ms += 5;
+        let header = MavHeader { system_id: 7, component_id: 1, sequence };
+        scene.session.on_message(&header, &imu(at_ms(ms)), at_ms(ms), &mut scene.out);
+    }
+    scene.hears(AUTOPILOT, heartbeat(0x1d, 0), ms + 1);
+    let told = scene.told();
+    let state = told.iter().rev().find_map(|event| match event {
+        Event::Vehicle(state) => Some(state.is_contested),
+        _ => None,
+    });
+    state.expect("a heartbeat is told")
+}
+
+#[test]
+fn two_autopilots_with_one_number_are_noticed_by_their_numbering() {
+    let plain = |n: u32| u8::try_from(n % 256).unwrap();
+    assert!(!is_contested_after((0..400).map(plain)));
+    // Overtaking, losses and a restart are no second one.
+    assert!(!is_contested_after((0..400).map(|n| plain(if n % 4 == 3 { n - 3 } else { n }))));
+    assert!(!is_contested_after((0..400).map(|n| plain(7 * n))));
+    assert!(!is_contested_after((0..400).map(|n| plain(if n < 200 { 100 + n } else { n - 200 }))));
+    // Another one, whose numbering stands elsewhere.
+    for apart in [40, 128, 200] {
+        let two = (0..200).flat_map(|n| [plain(n), plain(n + apart)]);
+        assert!(is_contested_after(two), "{apart} apart");
+    }
+}
+
+#[test]
+fn only_copters_are_spoken_to() {
+    for mavtype in [MavType::MAV_TYPE_FIXED_WING, MavType::MAV_TYPE_GROUND_ROVER] {
+        let mut scene = Scene::new();
+        let mut other = heartbeat(0x1d, 0x0304_0000);
+        if let MavMessage::HEARTBEAT(data) = &mut other {
+            data.mavtype = mavtype;
+        }
+        scene.hears(AUTOPILOT, other, 0);
+        assert_eq!(scene.session.autopilot_system(), None, "{mavtype:?}");
+    }
+}
+
 #[test]
 fn streams_that_stay_away_are_asked_for_again() {
     let mut scene = Scene::new();

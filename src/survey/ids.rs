@@ -1,4 +1,4 @@
-//! Ids that are the same in every file.
+//! Ids that are the same in every file and in every program's tables: made from names and from sums of logs.
 
 use crate::export::sha256_of_bytes;
 
@@ -11,18 +11,28 @@ fn id(kind: &str, of: &str) -> String {
 }
 
 /// The id of a hall.
-pub(super) fn of_hall(name: &str) -> String {
+#[must_use]
+pub fn of_hall(name: &str) -> String {
     id("hall", name)
 }
 
 /// The id of a bay. Names cannot hold a line's end, so no two pairs are one text.
-pub(super) fn of_bay(hall_id: &str, name: &str) -> String {
+#[must_use]
+pub fn of_bay(hall_id: &str, name: &str) -> String {
     id("bay", &format!("{hall_id}\n{name}"))
 }
 
-/// The id of a survey.
-pub(super) fn of_survey(log_sha256: &str) -> String {
-    format!("survey-{}", &log_sha256[..N_DIGITS.min(log_sha256.len())])
+/// The id of a material.
+#[must_use]
+pub fn of_material(name: &str) -> String {
+    id("material", name)
+}
+
+/// The id of the survey with this number in its log.
+#[must_use]
+pub fn of_survey(log_sha256: &str, number: usize) -> String {
+    let sum = &log_sha256[..N_DIGITS.min(log_sha256.len())];
+    if number > 1 { format!("survey-{sum}-{number}") } else { format!("survey-{sum}") }
 }
 
 #[cfg(test)]
@@ -36,6 +46,7 @@ mod tests {
         assert_eq!(of_hall("Nord").len(), 21);
         assert_eq!(of_hall("Nord"), of_hall("Nord"));
         assert_ne!(of_bay(&of_hall("Nord"), "salt"), of_bay(&of_hall("Süd"), "salt"));
-        assert_eq!(of_survey("0123456789abcdef0123"), "survey-0123456789abcdef");
+        assert_eq!(of_survey("0123456789abcdef0123", 1), "survey-0123456789abcdef");
+        assert_eq!(of_survey("0123456789abcdef0123", 2), "survey-0123456789abcdef-2");
     }
 }

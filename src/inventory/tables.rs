@@ -1,0 +1,142 @@
+//! The tables, and how those of earlier programs become these.
+
+use super::InventoryError;
+use rusqlite::{Connection, TransactionBehavior};
+
+/// The form of the tables, kept in the file's `user_version`.
+const VERSION: i64 = 2;
+
+const SURVEY: &str = "
+    CREATE TABLE survey (
+        id TEXT PRIMARY KEY,
+        hall_id TEXT NOT NULL REFERENCES hall(id),
+        log_sha256 TEXT NOT NULL,
+        number INTEGER NOT NULL,
+        log_path TEXT NOT NULL,
+        started_utc TEXT,
+        version TEXT NOT NULL,
+        build TEXT NOT NULL,
+        config_toml TEXT NOT NULL,
+        independent TEXT NOT NULL,
+        UNIQUE (log_sha256, number)
+    ) STRICT;
+";
+
+const OTHERS: &str = "
+    CREATE TABLE hall (
+        id TEXT PRIMARY KEY,
+        name TEXT NOT NULL UNIQUE
+    ) STRICT;
+    CREATE TABLE bay (
+        id TEXT PRIMARY KEY,
+        hall_id TEXT NOT NULL REFERENCES hall(id),
+        name TEXT NOT NULL,
+        UNIQUE (hall_id, name)
+    ) STRICT;
+    CREATE TABLE volume (
+        survey_id TEXT NOT NULL REFERENCES survey(id),
+        bay_id TEXT NOT NULL REFERENCES bay(id),
+        position INTEGER NOT NULL,
+        volume_m3 REAL NOT NULL,
+        sigma_m3 REAL NOT NULL,
+        mass_t REAL,
+        mass_sigma_t REAL,
+        account_json TEXT NOT NULL,
+        PRIMARY KEY (survey_id, bay_id)
+    ) STRICT;
+";
+
+/// Version 1 knew one survey of each log, and nothing of independent errors.
+const FROM_1: [&str; 2] = [
+    "ALTER TABLE survey RENAME TO survey_1;",
+    "INSERT INTO survey
+        SELECT id, hall_id, log_sha256, 1, log_path, started_utc, version, build, config_toml, ''
+        FROM survey_1 ORDER BY rowid;
+     DROP TABLE survey_1;",
+];
+
+/// Makes the tables, or brings them to this program's form, in one transaction.
+///
+/// # Errors
+/// A file that cannot be written, or is of a newer program.
+pub(super) fn bring_up(database: &mut Connection) -> Result<(), InventoryError> {
+    // A table that others refer to is put into another one's place: they refer to its name.
+    database.pragma_update(None, "foreign_keys", false)?;
+    database.pragma_update(None, "legacy_alter_table", true)?;
+    let begun = database.transaction_with_behavior(TransactionBehavior::Immediate)?;
+    let found: i64 = begun.pragma_query_value(None, "user_version", |row| row.get(0))?;
+    match found {
+        0 => begun.execute_batch(&[SURVEY, OTHERS].concat())?,
+        1 => begun.execute_batch(&[FROM_1[0], SURVEY, FROM_1[1]].concat())?,
+        VERSION => {}
+        _ => return Err(InventoryError::Version { found, known: VERSION }),
+    }
+    if found != VERSION {
+        begun.pragma_update(None, "user_version", VERSION)?;
+    }
+    begun.commit()?;
+    database.pragma_update(None, "legacy_alter_table", false)?;
+    Ok(database.pragma_update(None, "foreign_keys", true)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The tables as the first program made them, with one survey.
+    const OLD: &str = "
+        CREATE TABLE hall (id TEXT PRIMARY KEY, name TEXT NOT NULL UNIQUE) STRICT;
+        CREATE TABLE survey (
+            id TEXT PRIMARY KEY,
+            hall_id TEXT NOT NULL REFERENCES hall(id),
+            log_sha256 TEXT NOT NULL UNIQUE,
+            log_path TEXT NOT NULL,
+            started_utc TEXT,
+            version TEXT NOT NULL,
+            build TEXT NOT NULL,
+            config_toml TEXT NOT NULL
+        ) STRICT;
+        CREATE TABLE bay (id TEXT PRIMARY KEY, hall_id TEXT NOT NULL REFERENCES hall(id),
+            name TEXT NOT NULL, UNIQUE (hall_id, name)) STRICT;
+        CREATE TABLE volume (
+            survey_id TEXT NOT NULL REFERENCES survey(id),
+            bay_id TEXT NOT NULL REFERENCES bay(id),
+            position INTEGER NOT NULL,
+            volume_m3 REAL NOT NULL,
+            sigma_m3 REAL NOT NULL,
+            mass_t REAL,
+            mass_sigma_t REAL,
+            account_json TEXT NOT NULL,
+            PRIMARY KEY (survey_id, bay_id)
+        ) STRICT;
+        INSERT INTO hall VALUES ('hall-1', 'Nord');
+        INSERT INTO bay VALUES ('bay-1', 'hall-1', 'salt');
+        INSERT INTO survey VALUES ('survey-1', 'hall-1', 'abc', '/a.mcap', NULL, '0.1', 'b', '');
+        INSERT INTO volume VALUES ('survey-1', 'bay-1', 0, 1.5, 0.5, NULL, NULL, '{}');
+        PRAGMA user_version = 1;";
+
+    #[test]
+    fn books_of_the_first_program_keep_all_they_hold() {
+        let mut database = Connection::open_in_memory().unwrap();
+        database.execute_batch(OLD).unwrap();
+        bring_up(&mut database).unwrap();
+        bring_up(&mut database).unwrap();
+        let text = |sql: &str| database.query_row(sql, [], |row| row.get::<_, String>(0)).unwrap();
+        let joined = "SELECT survey.id || ' ' || number || ' ' || independent || ' ' || volume_m3
+            FROM volume JOIN survey ON survey.id = survey_id JOIN hall ON hall.id = hall_id";
+        assert_eq!(text(joined), "survey-1 1  1.5");
+        assert_eq!(text("PRAGMA integrity_check"), "ok");
+        let broken = database.prepare("PRAGMA foreign_key_check").unwrap().exists([]).unwrap();
+        assert!(!broken);
+        // The references hold as before.
+        let stray = "INSERT INTO volume VALUES ('none', 'bay-1', 0, 1, 1, NULL, NULL, '{}')";
+        assert!(database.execute(stray, []).is_err());
+        // Another survey of the same log has a place, the same one has not.
+        let add = |number: i64| {
+            let sql = "INSERT INTO survey VALUES
+                ('survey-1-' || ?1, 'hall-1', 'abc', ?1, '/a.mcap', NULL, '0.1', 'b', '', '')";
+            database.execute(sql, [number])
+        };
+        assert!(add(2).is_ok() && add(1).is_err());
+    }
+}
