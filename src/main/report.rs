@@ -4,7 +4,7 @@ use crate::change::OriginName;
 use crate::logs;
 use anyhow::Context;
 use clap::Args;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use stockpilot::export::sha256_of_file;
 use stockpilot::mapping::change::USUAL_RISK;
