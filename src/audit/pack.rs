@@ -67,12 +67,17 @@ pub struct Pack {
 }
 
 /// Packs a survey into `folder`, which must not exist, and signs the list of its files. When it returns, all is
-/// on the disk: the log may be deleted from then on.
+/// on the disk: the log may be deleted from then on. `log_sha256` is the log's sum before `facts` were read of it.
 ///
 /// # Errors
 /// A log that this build does not compute again to the last bit, a folder that exists, or a file that
 /// cannot be written.
-pub fn pack(facts: &Facts, key: &AuditKey, folder: &Path) -> Result<Pack, AuditError> {
+pub fn pack(
+    facts: &Facts,
+    log_sha256: &str,
+    key: &AuditKey,
+    folder: &Path,
+) -> Result<Pack, AuditError> {
     let flight = &facts.flight;
     match flight.reproduction {
         Reproduction::Identical => {}
@@ -81,13 +86,12 @@ pub fn pack(facts: &Facts, key: &AuditKey, folder: &Path) -> Result<Pack, AuditE
         }
         Reproduction::ResultsOnly => return Err(AuditError::Merged),
     }
-    let log_sha256 = sha256_of_file(&flight.log).map_err(at(&flight.log))?;
     let log_name = flight.log.file_name().unwrap_or_default().to_string_lossy().into_owned();
     if log_name == EARLIER || !log_name.ends_with(".mcap") {
         return Err(AuditError::Name { name: log_name });
     }
     let wishes = PackedWishes::new(flight.place.number, &facts.wishes)?;
-    let mut files = made_files(facts, &log_sha256, &log_name)?;
+    let mut files = made_files(facts, log_sha256, &log_name)?;
     files.push((WISHES.to_owned(), json(&wishes)?));
     files.push((
         PUBLIC_KEY.to_owned(),
@@ -102,11 +106,11 @@ pub fn pack(facts: &Facts, key: &AuditKey, folder: &Path) -> Result<Pack, AuditE
     std::fs::create_dir(folder).map_err(at(folder))?;
     let mut sums = String::new();
     let mut list = |sum: &str, name: &str| sums.push_str(&format!("{sum}  {name}\n"));
-    let copied = copy(&flight.log, &folder.join(&log_name), &log_sha256);
-    copied.inspect_err(|_| drop(std::fs::remove_dir_all(folder)))?;
-    list(&log_sha256, &log_name);
+    let clean_up = |_: &AuditError| drop(std::fs::remove_dir_all(folder));
+    copy(&flight.log, &folder.join(&log_name), log_sha256).inspect_err(clean_up)?;
+    list(log_sha256, &log_name);
     if let (Some(earlier), Some(packed)) = (&facts.wishes.against, &wishes.against) {
-        copy(&earlier.path, &folder.join(EARLIER), &packed.sha256)?;
+        copy(&earlier.path, &folder.join(EARLIER), &packed.sha256).inspect_err(clean_up)?;
         list(&packed.sha256, EARLIER);
     }
     for (name, bytes) in &files {
@@ -121,7 +125,7 @@ pub fn pack(facts: &Facts, key: &AuditKey, folder: &Path) -> Result<Pack, AuditE
         write_to_disk(&path, text.as_bytes()).map_err(at(&path))?;
     }
     sync_folder(folder).map_err(at(folder))?;
-    Ok(Pack { n_files, log_sha256 })
+    Ok(Pack { n_files, log_sha256: log_sha256.to_owned() })
 }
 
 /// Copies a log to the disk; one that somebody writes meanwhile is no longer what was reported.
@@ -172,14 +176,14 @@ fn volumes(facts: &Facts, log_name: &str) -> Result<Vec<u8>, AuditError> {
 const NOT_STAMPED: &str = "commit not stamped";
 
 fn commands(log_name: &str, facts: &Facts) -> String {
-    let (flight, packed_with) = (&facts.flight, &facts.reported_by);
+    let packed_with = &facts.reported_by;
     let source = if packed_with.contains(NOT_STAMPED) {
         "The commit of the source is not stamped into the build, so the signer must name it"
     } else {
         "The commit of the source is the one in the build's name"
     };
     format!(
-        "With stockpilot {} of the same source (build of the pack: {packed_with}), in this folder:\n\n\
+        "With stockpilot {packed_with}, which has made the pack, on a processor of the same family, in this folder:\n\n\
          \x20   stockpilot audit verify . --public-key KEY.pub\n\n\
          checks the signature and every file, computes the volumes again to the last bit, and makes every file of \
          the report anew. On the signature alone stand: the configuration of the log, {WISHES} with the \
@@ -189,6 +193,5 @@ fn commands(log_name: &str, facts: &Facts) -> String {
          \x20   stockpilot replay {log_name} --verify      every result of the flight again\n\n\
          KEY.pub must come from the signer, not from this folder. {source}: cargo build --release --locked -p \
          stockpilot, then target/release/stockpilot.\n",
-        flight.version,
     )
 }

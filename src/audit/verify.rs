@@ -52,11 +52,17 @@ impl fmt::Display for Finding {
                 write!(f, "{VOLUMES}: the volumes of {name} are not the log's")
             }
             Self::NotMadeOfLog(name) => {
-                write!(f, "{name} is not what this build makes of the log and {WISHES}")
+                write!(
+                    f,
+                    "{name} is not what this build makes of the log and {WISHES}; another build than the pack's may word it otherwise"
+                )
             }
             Self::Foreign(name) => write!(f, "{name} is signed, but no file of a pack"),
             Self::NotReproduced(build) => {
-                write!(f, "this build does not compute the same; it was flown with {build}")
+                write!(
+                    f,
+                    "this build does not compute the same; it was flown with {build}, and another family of processors differs in the last digits"
+                )
             }
         }
     }

@@ -1,7 +1,7 @@
 //! Reading the file and laying environment and flags over it.
 
 use super::error::ConfigError;
-use super::file::Config;
+use super::file::{Config, DustZone};
 use super::markers::MarkersSection;
 use std::path::Path;
 
@@ -18,6 +18,21 @@ impl Config {
             path: path.to_owned(),
             message: error.to_string(),
         })
+    }
+
+    /// The configuration that a flight has recorded. What was not asked for a start yet when it flew is taken
+    /// for given: it did start.
+    ///
+    /// # Errors
+    /// As [`Self::from_toml`].
+    pub fn from_log(text: &str, log: &Path) -> Result<Self, ConfigError> {
+        let mut config = Self::from_toml(text, log)?;
+        let table: toml::Table = toml::from_str(text).unwrap_or_default();
+        let says = |key: &str| table.get("hall").is_some_and(|hall| hall.get(key).is_some());
+        if !says("dust_zone") {
+            config.hall.dust_zone = DustZone::None;
+        }
+        Ok(config)
     }
 }
 
@@ -118,6 +133,19 @@ mod tests {
         let error = with_environment(&[], &["planning.speed=3"]).unwrap_err();
         assert!(error.to_string().contains("speed"), "{error}");
         assert!(with_environment(&[], &["planning.n_steps"]).is_err());
+    }
+
+    #[test]
+    fn what_was_not_asked_when_a_flight_was_recorded_does_not_forbid_to_fly_it_again() {
+        let silent = EXAMPLE.replace("\ndust_zone = \"undeclared\"\n", "\n");
+        assert_ne!(EXAMPLE, silent, "the example speaks of it");
+        let is_cleared = |config: Result<Config, ConfigError>| {
+            config.unwrap().mission_settings().unwrap().is_dust_cleared
+        };
+        let path = Path::new("log");
+        assert!(!is_cleared(Config::from_toml(&silent, path)));
+        assert!(is_cleared(Config::from_log(&silent, path)));
+        assert!(!is_cleared(Config::from_log(EXAMPLE, path)), "what it says counts");
     }
 
     #[test]

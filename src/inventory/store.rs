@@ -174,7 +174,7 @@ impl Inventory {
             let path = PathBuf::from(row.get::<_, String>(4)?);
             let id: String = row.get(0)?;
             let toml: String = row.get(7)?;
-            let config = Config::from_toml(&toml, &path)
+            let config = Config::from_log(&toml, &path)
                 .map_err(|error| InventoryError::Survey(error.into()))?;
             let accounts = self.accounts(&id)?;
             found.push(StoredSurvey {

@@ -59,6 +59,8 @@ pub struct ScanAssembler {
     progress_deg: f32,
     last_deg: Option<f32>,
     last_beam_at: Stamp<Mono>,
+    /// Of the clocks before this one.
+    restarts_before: u64,
     stats: AssemblerStats,
 }
 
@@ -75,6 +77,7 @@ impl ScanAssembler {
             progress_deg: 0.0,
             last_deg: None,
             last_beam_at: Stamp::from_nanos(i64::MIN),
+            restarts_before: 0,
             stats: AssemblerStats::default(),
         }
     }
@@ -95,7 +98,7 @@ impl ScanAssembler {
         let on_line = self.byte_time.saturating_mul(n_bytes);
         let sent_at = packet.received_at.minus(on_line.saturating_add(packet.delay));
         let last_sample_at = self.clock.last_sample_at(packet, sent_at, on_line);
-        self.stats.clock_restarts = self.clock.restarts();
+        self.stats.clock_restarts = self.restarts_before + self.clock.restarts();
         let period = self.clock.sample_period();
         let mut n_later = u32::try_from(packet.samples.len()).unwrap_or(u32::MAX);
         for sample in &packet.samples {
@@ -118,6 +121,7 @@ impl ScanAssembler {
     /// Hands on the open scan and forgets the sensor's clock, as after a reopened port.
     pub fn reset(&mut self, mut on_scan: impl FnMut(Scan)) {
         self.finish_scan(&mut on_scan);
+        self.restarts_before = self.stats.clock_restarts;
         self.clock = FrameClock::new();
         self.last_deg = None;
     }

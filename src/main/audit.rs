@@ -64,8 +64,8 @@ pub(crate) fn run(args: &AuditArgs) -> anyhow::Result<ExitCode> {
                 );
             }
             let seen = logs::seen(&survey.log);
-            let (facts, _) = facts_of(survey)?;
-            let packed = pack(&facts, &key, out)?;
+            let (facts, log_sha256) = facts_of(survey)?;
+            let packed = pack(&facts, &log_sha256, &key, out)?;
             // The pack has the whole log, with all its surveys.
             logs::remember_all(seen.as_ref(), "audit pack");
             println!("{}: {} files, log {}", out.display(), packed.n_files, packed.log_sha256);

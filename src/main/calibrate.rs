@@ -83,7 +83,11 @@ fn run_time(args: &LidarArgs) -> anyhow::Result<ExitCode> {
     let LidarCalibration { mount, flown_with } = calibration(args, Some(ANY_CLOCK_S))?;
     let found = mount.clock_offset_s;
     let Found { change, is_seen, halves_z, .. } = found;
-    let (sigma, contradicts) = (found.sigma_by_halves(), found.contradicts_itself());
+    let sigma = found.sigma_by_halves();
+    // The mounting was found beside it: what contradicts itself there is in the clock, too.
+    let mut contradicting = contradicting(&mount);
+    contradicting.extend(found.contradicts_itself().then_some("clock offset"));
+    let contradicts = !contradicting.is_empty();
     let offset_s = flown_with.clock_offset_s + change;
     let written = args.write.as_ref().filter(|_| is_seen && !contradicts);
     if let Some(path) = written {
@@ -115,7 +119,7 @@ fn run_time(args: &LidarArgs) -> anyhow::Result<ExitCode> {
         );
     }
     if contradicts {
-        eprint_line(&contradiction(&["clock offset"], args.write.is_some()));
+        eprint_line(&contradiction(&contradicting, args.write.is_some()));
     }
     Ok(if is_seen && !contradicts { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }

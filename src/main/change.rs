@@ -1,5 +1,6 @@
 //! `stockpilot change`: what has changed between two surveys.
 
+use crate::report::is_same_file;
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -94,6 +95,10 @@ impl From<&BayChange> for BayChangeLine {
 
 /// Compares the bays of two surveys, errors that they share taken out.
 pub(crate) fn run(args: &ChangeArgs) -> anyhow::Result<ExitCode> {
+    anyhow::ensure!(
+        !is_same_file(&args.earlier, &args.later),
+        "both are the same log: of several surveys in one the last counts"
+    );
     let (earlier, later) = (Survey::read(&args.earlier)?, Survey::read(&args.later)?);
     for survey in [&earlier, &later] {
         if !survey.is_final {

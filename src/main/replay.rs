@@ -43,7 +43,7 @@ pub(crate) fn run(args: &ReplayArgs) -> anyhow::Result<ExitCode> {
 }
 
 fn pilot_from(toml: &str, log: &Path) -> Result<Pilot, ConfigError> {
-    Config::from_toml(toml, log)?.pilot_settings().map(Pilot::new)
+    Config::from_log(toml, log)?.pilot_settings().map(Pilot::new)
 }
 
 #[expect(clippy::print_stdout, reason = "the program's output")]

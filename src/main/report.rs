@@ -4,7 +4,7 @@ use crate::change::OriginName;
 use crate::logs;
 use anyhow::Context;
 use clap::Args;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use stockpilot::export::sha256_of_file;
 use stockpilot::mapping::change::USUAL_RISK;
@@ -59,7 +59,19 @@ pub(crate) struct ReportArgs {
 }
 
 /// What a survey came to, and the SHA-256 of its log.
+/// True if two paths lead to one file.
+pub(crate) fn is_same_file(a: &Path, b: &Path) -> bool {
+    matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
+}
+
 pub(crate) fn facts_of(args: &SurveyArgs) -> anyhow::Result<(Facts, String)> {
+    if let Some(against) = &args.against {
+        anyhow::ensure!(
+            !is_same_file(against, &args.log),
+            "{} is the log itself: of an earlier log its last survey counts, and here that is this one or a later one",
+            against.display()
+        );
+    }
     let mut books = args.book.as_deref().map_or_else(|| Ok(Vec::new()), read_books)?;
     books.extend(args.book_of.iter().cloned());
     let wishes = Wishes {

@@ -20,8 +20,13 @@ pub fn note_edges(path: &Path, tags: &[TagName], edge_m: f64) -> Result<(), Cons
     Constraints::parse(&text, path)?;
     let noted = with_edges(&text, tags, edge_m)
         .map_err(|error| unreadable(io::Error::new(ErrorKind::InvalidData, error)))?;
-    // What was written must be what was meant.
-    Constraints::parse(&noted, path)?;
+    // What was written must be what was meant; `edges = […]` on one line takes no more sections.
+    let read = Constraints::parse(&noted, path)?;
+    let is_noted = |tag: &TagName| read.edge_m(*tag).is_some_and(|m| (m - edge_m).abs() < 1e-4);
+    if !tags.iter().all(is_noted) {
+        let text = "the edges must stand as [[edges]] sections";
+        return Err(unreadable(io::Error::new(ErrorKind::InvalidData, text)));
+    }
     replace(path, &noted).map_err(unreadable)
 }
 

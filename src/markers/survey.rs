@@ -190,7 +190,7 @@ fn read(log: &Path) -> Result<(Config, Vec<TagDetections>, bool), SurveyError> {
     let Some(LogItem::Config { config_toml, .. }) = reader.next() else {
         return Err(SurveyError::NoConfig { path: log.to_owned() });
     };
-    let config = Config::from_toml(&config_toml, log)?;
+    let config = Config::from_log(&config_toml, log)?;
     let mut frames = Vec::new();
     for item in reader.by_ref() {
         if let LogItem::Event { event: RecordedEvent::Plain(Event::TagsSeen(frame)), .. } = item

@@ -60,7 +60,14 @@ impl Pilot {
     pub(super) fn on_operator(&mut self, command: OperatorCommand, actions: &mut Vec<Action>) {
         let mut effects = Vec::new();
         let inputs = self.mission_inputs();
-        let is_accepted = self.mission.on_operator(command.verb, &inputs, &mut effects);
+        // The last survey's volumes would be taken for those of the next one.
+        let is_too_early = command.verb.is_start() && self.ending.is_some();
+        if is_too_early {
+            let text = "no start yet: the last survey is still being computed".to_owned();
+            say(actions, Severity::Warning, text);
+        }
+        let is_accepted =
+            !is_too_early && self.mission.on_operator(command.verb, &inputs, &mut effects);
         self.apply(effects, actions);
         actions.push(Action::Answer(OperatorAnswer {
             verb: command.verb,

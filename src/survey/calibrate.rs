@@ -63,7 +63,7 @@ pub fn calibrate_mount(
     let mut found_config = None;
     let mut turns = Vec::new();
     let make_pilot = |toml: &str| -> Result<Pilot, ConfigError> {
-        let config = Config::from_toml(toml, log)?;
+        let config = Config::from_log(toml, log)?;
         let pilot = Pilot::new(config.pilot_settings()?);
         found_config = Some(config);
         Ok(pilot)

@@ -172,7 +172,7 @@ impl Survey {
         }
         Ok(Self {
             path: path.to_owned(),
-            config: Config::from_toml(&read.config_toml, path)?,
+            config: Config::from_log(&read.config_toml, path)?,
             accounts: read.accounts,
             surface: read.surface,
             is_final: read.is_final,

@@ -195,7 +195,7 @@ impl Flight {
     }
 
     fn of(log: &Path, again: FlownAgain, mut eye: Eye) -> Result<Self, ConfigError> {
-        let config = Config::from_toml(&again.config_toml, log)?;
+        let config = Config::from_log(&again.config_toml, log)?;
         let settings = config.pilot_settings()?.mapping;
         let reproduction = match (again.n_events, again.is_reproduced) {
             (0, _) => Reproduction::ResultsOnly,
@@ -309,7 +309,7 @@ const fn since(all: HitCounts, earlier: &HitCounts) -> HitCounts {
 }
 
 fn pilot_for(toml: &str, log: &Path) -> Result<Pilot, ConfigError> {
-    let mut pilot = Config::from_toml(toml, log)?.pilot_settings().map(Pilot::new)?;
+    let mut pilot = Config::from_log(toml, log)?.pilot_settings().map(Pilot::new)?;
     pilot.keep_hits();
     Ok(pilot)
 }

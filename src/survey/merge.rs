@@ -186,7 +186,7 @@ fn read(path: &Path, options: MergeOptions) -> Result<Source, MergeLogsError> {
     let of_config = |source: ConfigError| MergeLogsError::Config { path: path.to_owned(), source };
     let mut settings = None;
     let make_pilot = |toml: &str| -> Result<Pilot, ConfigError> {
-        let found = Config::from_toml(toml, path)?.pilot_settings()?;
+        let found = Config::from_log(toml, path)?.pilot_settings()?;
         settings = Some(found.clone());
         Ok(Pilot::new(found))
     };
@@ -194,7 +194,7 @@ fn read(path: &Path, options: MergeOptions) -> Result<Source, MergeLogsError> {
         .map_err(|source| MergeLogsError::Log { path: path.to_owned(), source })?;
     let settings = match settings {
         Some(settings) => settings,
-        None => Config::from_toml(&read.config_toml, path)
+        None => Config::from_log(&read.config_toml, path)
             .and_then(|config| config.pilot_settings())
             .map_err(of_config)?,
     };

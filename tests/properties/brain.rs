@@ -72,6 +72,12 @@ impl Source {
         if self.k % 20 == 0 {
             events.push(Event::Scanned(self.scan(now)));
             events.push(Event::Vehicle(self.vehicle(now)));
+            events.push(Event::AutopilotPose(AutopilotPose {
+                at: now,
+                position: Point::from_coords(self.place),
+                velocity_mps: Direction::from_coords(Vector3::zeros()),
+                hall_from_body_rot: Some(Rotation::identity()),
+            }));
             let battery =
                 BatterySample { at: now, voltage_v: 15.2, current_a: 12.0, remaining_ratio: 0.9 };
             events.push(Event::Battery(battery));

@@ -39,11 +39,6 @@ fn a_vehicle_that_is_blown_towards_a_wall_is_led_away_from_it() {
 }
 
 #[test]
-fn a_lidar_that_measures_nothing_is_a_silent_one() {
-    passes(12);
-}
-
-#[test]
 fn no_setpoint_reaches_ardupilot_on_the_ground() {
     passes(105);
 }

@@ -4,6 +4,7 @@
 
 mod calibrate;
 mod external_planner;
+mod failed_solve;
 mod fault_cases;
 mod faults;
 mod gaps;

@@ -32,6 +32,11 @@ struct Geometry {
     turns_per_min: u32,
 }
 
+/// Steps have four digits in a command.
+const LAST_STEP: u32 = 9_999;
+/// As many distances fit into the longest reply that is waited for.
+const MOST_STEPS: u32 = 3_200;
+
 impl Geometry {
     /// From the answer to PP.
     fn from_values(values: &[(String, String)]) -> Option<Self> {
@@ -54,7 +59,8 @@ impl Geometry {
     fn is_possible(&self) -> bool {
         (100..=10_000).contains(&self.steps_per_turn)
             && self.first_step < self.last_step
-            && self.last_step < self.first_step + self.steps_per_turn
+            && self.last_step <= LAST_STEP
+            && self.last_step - self.first_step < self.steps_per_turn.min(MOST_STEPS)
             && (60..=12_000).contains(&self.turns_per_min)
             && self.nearest_mm < self.farthest_mm
     }
@@ -391,5 +397,34 @@ impl Sensor for Hokuyo {
 
     fn trouble(&self) -> Option<&Trouble> {
         self.trouble.as_ref()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_geometry_that_no_command_can_ask_for_is_refused() {
+        // A URG-04LX: steps of the turn, first, last, front.
+        let geometry = |[steps_per_turn, first_step, last_step]: [u32; 3]| Geometry {
+            nearest_mm: 20,
+            farthest_mm: 5600,
+            steps_per_turn,
+            first_step,
+            last_step,
+            front_step: 384,
+            turns_per_min: 600,
+        };
+        assert!(geometry([1024, 44, 725]).is_possible());
+        for wrong in [
+            [100, u32::MAX - 5, u32::MAX],
+            [1024, 20_000, 20_500],
+            [10_000, 0, 9_000],
+            [1024, 0, 1024],
+            [1024, 725, 44],
+        ] {
+            assert!(!geometry(wrong).is_possible(), "{wrong:?}");
+        }
     }
 }

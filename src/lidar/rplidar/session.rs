@@ -182,8 +182,12 @@ impl Rplidar {
             (Query::SampleRate, Reply::SampleRate { standard_us, express_us }) => {
                 let is_express = self.mode.answer == Some(Answer::Legacy);
                 let period_us = if is_express { express_us } else { standard_us };
-                self.mode.sample_period = Duration::from_micros(u64::from(period_us));
-                true
+                // The answer has no checksum.
+                let is_possible = PERIODS_US.contains(&f64::from(period_us));
+                if is_possible {
+                    self.mode.sample_period = Duration::from_micros(u64::from(period_us));
+                }
+                is_possible
             }
             (Query::BoardFlag, Reply::BoardFlag { .. }) => true,
             (query, Reply::Conf { item, value }) => self.configure(query, item, &value),
@@ -301,10 +305,10 @@ impl Rplidar {
         if let Some(mode) = typical.or_else(|| self.modes.iter().find(usable)) {
             self.mode = mode.clone();
         }
-        if self.mode.sample_period.is_zero() {
-            self.mode.sample_period = self.configured.sample_period();
-        }
         let answer = *self.mode.answer.get_or_insert(Answer::Standard);
+        if self.mode.sample_period.is_zero() {
+            self.mode.sample_period = self.usual_period(answer);
+        }
         self.identity = Some(self.describe());
         match self.series() {
             1 => {}
@@ -321,6 +325,18 @@ impl Rplidar {
         self.reader = ReplyReader::default();
         self.last_frame_at = None;
         self.stage = Stage::Scanning { since: now };
+    }
+
+    /// Sample period of a sensor that does not tell it: its fastest mode's, but slower ones for the scans that
+    /// every firmware knows. Told by an A1 (508 and 254 µs), an S1 (244) and a C1 (200).
+    fn usual_period(&self, answer: Answer) -> Duration {
+        match (answer, self.series()) {
+            (Answer::Standard, 1) => Duration::from_micros(508),
+            (Answer::Legacy, 1) => Duration::from_micros(254),
+            (Answer::Standard, 4) => Duration::from_micros(200),
+            (Answer::Standard, _) => Duration::from_micros(244),
+            _ => self.configured.sample_period(),
+        }
     }
 
     fn send(&mut self, bytes: Vec<u8>) {

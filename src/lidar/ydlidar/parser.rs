@@ -5,6 +5,10 @@ use super::{Geometry, SampleFormat};
 use crate::lidar::Sample;
 use crate::lidar::scanner::{Look, Scanner};
 
+/// Some models send a time, ms, between the packets: its third byte is the XOR of the others.
+const STAMP_HEAD: [u8; 2] = [0xAA, 0x66];
+const STAMP_BYTES: usize = 8;
+
 /// The samples of a packet.
 #[derive(Debug, Clone, Copy)]
 pub struct Arrived<'a> {
@@ -16,7 +20,7 @@ pub struct Arrived<'a> {
     pub n_bytes: usize,
     /// Bytes of the packet alone.
     pub own_bytes: usize,
-    /// Bytes of the stream before the packet.
+    /// Bytes of the stream before the packet, without those of packets with a time.
     pub at_byte: u64,
 }
 
@@ -33,6 +37,8 @@ pub struct PacketParser {
     frames: u64,
     refused: u64,
     skipped_bytes: u64,
+    /// Bytes of packets with a time.
+    stamp_bytes: u64,
 }
 
 impl PacketParser {
@@ -47,6 +53,7 @@ impl PacketParser {
             frames: 0,
             refused: 0,
             skipped_bytes: 0,
+            stamp_bytes: 0,
         }
     }
 
@@ -87,6 +94,13 @@ impl PacketParser {
     }
 
     fn look(&mut self, rest: &[u8], at_byte: u64, on_packet: &mut impl FnMut(Arrived<'_>)) -> Look {
+        if rest.starts_with(&STAMP_HEAD) {
+            let Some(packet) = rest.first_chunk::<STAMP_BYTES>() else { return Look::Wait };
+            if packet.iter().fold(0, |sum, byte| sum ^ byte) == 0 {
+                self.stamp_bytes += STAMP_BYTES as u64;
+                return Look::Take(STAMP_BYTES);
+            }
+        }
         if rest[0] != 0xAA || rest.get(1).is_some_and(|byte| *byte != 0x55) {
             self.skipped_bytes += 1;
             return Look::Skip(1);
@@ -107,6 +121,8 @@ impl PacketParser {
                 let (samples, start_deg) = (&self.samples[..], head.start_deg());
                 let own_bytes = n_bytes;
                 let n_bytes = rest.len();
+                // Packets with a time between those with samples are no damage.
+                let at_byte = at_byte - self.stamp_bytes;
                 on_packet(Arrived { samples, start_deg, n_bytes, own_bytes, at_byte });
                 return Look::Take(own_bytes);
             }
@@ -114,5 +130,41 @@ impl PacketParser {
         self.refused += 1;
         self.skipped_bytes += 1;
         Look::Skip(1)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A packet of two samples at 10° and 20°: words XOR by hand, `AA55 ^ 0000^0200^0501^0A01^…`.
+    fn packet() -> Vec<u8> {
+        let words: [u16; 5] = [0x55AA, 0x0200, (640 << 1) | 1, (1280 << 1) | 1, 0x1000 ^ 0x2000];
+        let sum = words.iter().fold(0, |sum, word| sum ^ word);
+        let body = [0x55AA, 0x0200, words[2], words[3], sum, 0x1000, 0x2000];
+        body.iter().flat_map(|word: &u16| word.to_le_bytes()).collect()
+    }
+
+    #[test]
+    fn packets_with_a_time_are_no_damage() {
+        let mut time = [0xAA, 0x66, 0, 0x11, 0x22, 0x33, 0x44, 0x00];
+        time[2] = time.iter().fold(0, |sum, byte| sum ^ byte);
+        let stream = [packet(), time.to_vec(), packet(), time.to_vec(), packet()].concat();
+        for chunk_bytes in [1, 7, stream.len()] {
+            let mut parser = PacketParser::new(Geometry::TimeOfFlight, SampleFormat::Distance);
+            let mut places = Vec::new();
+            for chunk in stream.chunks(chunk_bytes) {
+                parser.feed(chunk, |arrived| places.push(arrived.at_byte));
+            }
+            let n_bytes = packet().len() as u64;
+            assert_eq!(places, [0, n_bytes, 2 * n_bytes]);
+            assert_eq!(parser.skipped_bytes(), 0);
+        }
+        // One with a wrong sum is damage like any other.
+        time[2] ^= 1;
+        let mut parser = PacketParser::new(Geometry::TimeOfFlight, SampleFormat::Distance);
+        parser.feed(&time, |_| {});
+        parser.feed(&packet(), |_| {});
+        assert_eq!((parser.frames(), parser.skipped_bytes()), (1, 8));
     }
 }

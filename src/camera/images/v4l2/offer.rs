@@ -54,7 +54,8 @@ pub(super) fn offered_at(device: &Device, size_px: [u32; 2]) -> Vec<OfferedForma
     formats
         .filter(|code| {
             let sizes = device.enum_framesizes(*code).unwrap_or_default();
-            sizes.iter().any(|offered| has_size(&offered.size, size_px))
+            // A driver that names no sizes leaves them to the trying.
+            sizes.is_empty() || sizes.iter().any(|offered| has_size(&offered.size, size_px))
         })
         .map(|code| OfferedFormat {
             code: code.repr,
