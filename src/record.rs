@@ -44,7 +44,7 @@ pub use accounts::{
     read_accounts_of, read_times,
 };
 pub use again::{FlownAgain, LoggedVolumes, Watcher, fly_again};
-pub use build::{build_commit, build_identity};
+pub use build::{COMMIT_NOT_STAMPED, build_commit, build_identity};
 pub use entry::RecordedEvent;
 pub use flights::{LoggedFlights, read_flights};
 pub use live::{LiveView, RunningLive};

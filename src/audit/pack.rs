@@ -7,7 +7,7 @@ use super::{
 };
 use crate::export::{sha256_of_bytes, sha256_of_file};
 use crate::messages::VolumeAccount;
-use crate::record::review_file;
+use crate::record::{COMMIT_NOT_STAMPED, review_file};
 use crate::report::{Facts, ReportFile, report_files, sync_folder, write_to_disk};
 use crate::survey::Reproduction;
 use serde::{Deserialize, Serialize};
@@ -172,12 +172,9 @@ fn volumes(facts: &Facts, log_name: &str) -> Result<Vec<u8>, AuditError> {
     })
 }
 
-/// What stands in a build's name where its commit is not known.
-const NOT_STAMPED: &str = "commit not stamped";
-
 fn commands(log_name: &str, facts: &Facts) -> String {
     let packed_with = &facts.reported_by;
-    let source = if packed_with.contains(NOT_STAMPED) {
+    let source = if packed_with.contains(COMMIT_NOT_STAMPED) {
         "The commit of the source is not stamped into the build, so the signer must name it"
     } else {
         "The commit of the source is the one in the build's name"

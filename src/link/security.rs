@@ -68,6 +68,7 @@ impl GuardStats {
 #[derive(Debug)]
 pub struct Guard {
     peers: Vec<Network>,
+    signs: bool,
     inner: Mutex<Inner>,
 }
 
@@ -95,8 +96,9 @@ impl Guard {
     }
 
     fn new(peers: Vec<Network>, signing: Option<Signing>) -> Self {
+        let signs = signing.is_some();
         let inner = Inner { signing, flood: FloodLimit::default(), stats: GuardStats::default() };
-        Self { peers, inner: Mutex::new(inner) }
+        Self { peers, signs, inner: Mutex::new(inner) }
     }
 
     /// The counters.
@@ -118,8 +120,8 @@ impl Guard {
 
     /// True if frames of this link are signed.
     #[must_use]
-    pub fn signs(&self) -> bool {
-        self.lock().signing.is_some()
+    pub const fn signs(&self) -> bool {
+        self.signs
     }
 
     /// True if a frame with a right checksum may be decoded.

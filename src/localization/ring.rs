@@ -128,7 +128,8 @@ impl Ring {
         if last_imu.is_some_and(|last| imu.at <= last.state.at) {
             return;
         }
-        // The filter begins at a fix of the past: the samples since then came, and are not kept.
+        // The filter begins at an instant of the past. What lies between it and the first sample that was
+        // kept is no hole in the stream.
         let began_before = last_imu.filter(|_| self.entries.len() > 1);
         let gap_s = began_before.map_or(0.0, |last| imu.at.seconds_since(last.state.at));
         let covered = Covered { imu, noise: self.noise_over(gap_s) };

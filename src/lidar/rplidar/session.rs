@@ -1,5 +1,6 @@
 //! The conversation: quiet it, ask who it is and how it scans, spin it up, scan, look after it.
 
+use super::mode::usual_period;
 use super::query::{Query, conf_item, question};
 use super::request::{self, request};
 use super::stream::{Answer, Arrived, StreamParser};
@@ -307,7 +308,8 @@ impl Rplidar {
         }
         let answer = *self.mode.answer.get_or_insert(Answer::Standard);
         if self.mode.sample_period.is_zero() {
-            self.mode.sample_period = self.usual_period(answer);
+            let usual = usual_period(answer, self.series());
+            self.mode.sample_period = usual.unwrap_or_else(|| self.configured.sample_period());
         }
         self.identity = Some(self.describe());
         match self.series() {
@@ -325,18 +327,6 @@ impl Rplidar {
         self.reader = ReplyReader::default();
         self.last_frame_at = None;
         self.stage = Stage::Scanning { since: now };
-    }
-
-    /// Sample period of a sensor that does not tell it: its fastest mode's, but slower ones for the scans that
-    /// every firmware knows. Told by an A1 (508 and 254 µs), an S1 (244) and a C1 (200).
-    fn usual_period(&self, answer: Answer) -> Duration {
-        match (answer, self.series()) {
-            (Answer::Standard, 1) => Duration::from_micros(508),
-            (Answer::Legacy, 1) => Duration::from_micros(254),
-            (Answer::Standard, 4) => Duration::from_micros(200),
-            (Answer::Standard, _) => Duration::from_micros(244),
-            _ => self.configured.sample_period(),
-        }
     }
 
     fn send(&mut self, bytes: Vec<u8>) {
