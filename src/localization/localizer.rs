@@ -335,6 +335,13 @@ impl Localizer {
         vision_fix::tag_sensitivity(camera, &self.settings.marker_map, tags, hall_from_body)
     }
 
+    /// False while inertial samples have yet to say how the vehicle came to be where a frame of this
+    /// instant sees it.
+    #[must_use]
+    pub fn can_take(&self, captured_at: Stamp<Mono>) -> bool {
+        self.ring.as_ref().is_none_or(|ring| captured_at <= ring.covered_until())
+    }
+
     /// The newest instant with a known pose.
     #[must_use]
     pub fn newest_at(&self) -> Option<Stamp<Mono>> {

@@ -2,9 +2,10 @@
 
 use super::gap_offer::GapOffer;
 use super::plan_news::PlanNews;
+use super::sight::carried_on;
 use super::{Action, Ending, FlownPath, PhaseChange, Pilot, say};
 use crate::geometry::{Hall, Point};
-use crate::messages::{NavEstimate, OperatorAnswer, OperatorCommand, Severity};
+use crate::messages::{NavEstimate, OperatorAnswer, OperatorCommand, Severity, TagDetections};
 use crate::mission::{Effect, Inputs, Phase};
 use crate::planning::Waypoint;
 use crate::planning::trajectory::Knot;
@@ -379,12 +380,47 @@ impl Pilot {
 
     /// A place of the past would be fused as one of now by an autopilot that goes by the arrival.
     pub(super) fn publish_odometry(&mut self, actions: &mut Vec<Action>) {
-        let Some(estimate) = self.trusted_estimate() else { return };
-        let is_new = self.published_at.is_none_or(|last| estimate.at > last);
-        if is_new && self.now.since(estimate.at) < ODOMETRY_OLD_AFTER {
+        if let Some(estimate) = self.new_belief() {
             self.published_at = Some(estimate.at);
+            let is_late = self.sample_lag.is_late();
+            let estimate = if is_late { carried_on(estimate, self.now) } else { estimate };
+            actions.push(Action::PublishOdometry(Box::new(estimate)));
+        } else if let Some(estimate) = self.told_by_sight() {
             actions.push(Action::PublishOdometry(Box::new(estimate)));
         }
+    }
+
+    /// The belief, if it can be flown on, is not too old, and was not published before.
+    fn new_belief(&self) -> Option<NavEstimate> {
+        self.trusted_estimate().filter(|estimate| {
+            let is_new = self.published_at.is_none_or(|last| estimate.at > last);
+            is_new && self.now.since(estimate.at) < ODOMETRY_OLD_AFTER
+        })
+    }
+
+    /// In the air, once the samples say too little of now: what a frame shows by itself.
+    pub(super) fn look_by_sight(&mut self, frame: &TagDetections) {
+        if self.goes_by_sight()
+            && let Some(fix) = self.localizer.pose_by_sight(frame)
+        {
+            self.sight.take(frame.captured_at, fix);
+        }
+    }
+
+    fn told_by_sight(&mut self) -> Option<NavEstimate> {
+        let told = self
+            .goes_by_sight()
+            .then(|| self.sight.tell(self.now, ODOMETRY_OLD_AFTER, self.reset_counter));
+        told.flatten().filter(NavEstimate::is_finite)
+    }
+
+    /// True while only frames say where the vehicle is, to an autopilot that had its place from here before.
+    fn goes_by_sight(&self) -> bool {
+        let is_armed = self.vehicle.is_some_and(|vehicle| vehicle.is_armed);
+        let is_old = |at| self.now.since(at) >= ODOMETRY_OLD_AFTER;
+        is_armed
+            && self.published_at.is_some()
+            && self.localizer.last_sample_at().is_some_and(is_old)
     }
 
     /// The belief, if it can be flown on.

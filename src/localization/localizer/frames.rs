@@ -142,6 +142,21 @@ impl Localizer {
         record
     }
 
+    /// The pose that a frame shows by itself, whatever the filter believes; `None` with less than two
+    /// tags that can be trusted.
+    #[must_use]
+    pub fn pose_by_sight(&self, frame: &TagDetections) -> Option<FixOutcome> {
+        let camera = self.cameras.get(usize::from(frame.camera.0))?;
+        let mut seen = self.seen(camera, frame);
+        self.drop_excluded(&mut seen);
+        if seen.n_tags() < MIN_TAGS_TO_RELOCATE {
+            return None;
+        }
+        // Whatever flies by this hardly tilts.
+        let start = Start::Cold { gravity_body: Some(-Vector3::z()) };
+        vision_fix::solve_from(camera, &seen.features(None), start, &self.settings.vision).ok()
+    }
+
     /// The mapped tags of a frame; a tag that is reported twice is left out, since one of the two
     /// is wrong or both are the same.
     fn seen(&self, camera: &Arc<CameraModel>, frame: &TagDetections) -> Seen {
