@@ -37,7 +37,7 @@ use crate::localization::{self, Localizer};
 use crate::mapping::{self, Mapper};
 use crate::messages::{
     AutopilotPose, BatterySample, LandedState, NavEstimate, Scan, ScanCorrection, Severity,
-    StatusText, StorageState, VehicleState, VolumeAccount,
+    StatusText, StorageState, VehicleState, Verdict, VolumeAccount,
 };
 use crate::mission::{self, EnergyGauge, Mission, Phase};
 use crate::planning;
@@ -78,7 +78,7 @@ pub struct Settings {
 }
 
 /// Scans wait at most this long for the pose at their end, and for the frames that shape it.
-const SCAN_PATIENCE: Duration = Duration::from_millis(300);
+const SCAN_PATIENCE: Duration = waiting_frames::PATIENCE;
 
 /// The brain.
 #[derive(Debug, Clone)]
@@ -245,6 +245,9 @@ impl Pilot {
                 self.vehicle = Some(vehicle);
                 self.is_autopilot_lost = false;
                 self.localizer.set_on_ground(intake::is_on_ground(&vehicle));
+                if !vehicle.is_armed {
+                    self.sight.forget_told();
+                }
                 // The pilot's switch must not wait for the next tick.
                 self.run_mission(actions);
             }
@@ -271,6 +274,7 @@ impl Pilot {
             }
             Event::AutopilotRebooted(_) => {
                 // Its map began anew with the next position that it takes from here.
+                self.sight.forget_told();
                 say(actions, Severity::Critical, "the autopilot has restarted".to_owned());
                 self.run_mission(actions);
             }
@@ -362,11 +366,17 @@ impl Pilot {
         }
     }
 
-    /// Takes in the frames that the inertial samples have reached, and those for which none will come.
+    /// Takes in the frames that the inertial samples have reached, and writes down those that waited in vain.
     fn take_frames(&mut self, actions: &mut Vec<Action>) {
         while let Some(frame) = self.waiting_frames.pop(self.now, &self.localizer) {
             let refusal = intake::refusal_of_frame(&frame, self.now);
-            let record = refusal.unwrap_or_else(|| self.localizer.on_tags(&frame));
+            let record = refusal.unwrap_or_else(|| {
+                if self.localizer.can_take(frame.captured_at) {
+                    self.localizer.on_tags(&frame)
+                } else {
+                    intake::refused_frame(&frame, Verdict::FromTheFuture)
+                }
+            });
             self.frames.note(&frame, record.verdict);
             actions.push(Action::FixTreated(Box::new(record)));
             self.tell_of_localizer(actions);

@@ -21,6 +21,7 @@ use crate::messages::{
 use crate::stats::chi2_gate_99;
 use crate::time::{Mono, Stamp};
 use frames::GatedStreak;
+pub use frames::{MANOEUVRE_MPS2, PLAUSIBLE_SPEED_MPS};
 use nalgebra::Matrix6;
 use std::sync::Arc;
 use std::time::Duration;

@@ -35,6 +35,9 @@ const JUMP_FOLLOWED_M: f64 = 0.3;
 const PLACE_OLD_AFTER: Duration = Duration::from_millis(150);
 /// An older place is of no use to the autopilot: its filter looks back no further.
 const ODOMETRY_OLD_AFTER: Duration = Duration::from_millis(300);
+/// Frames are looked at by themselves once samples are this old: two of them take their time, and an
+/// autopilot that hears nothing for 0.4 s stops fusing.
+const LOOKED_AFTER: Duration = Duration::from_millis(150);
 /// Without an inertial sample for this long there are none.
 const SAMPLES_SILENT_AFTER: Duration = Duration::from_secs(1);
 /// Speed of a landing that the autopilot flies, m/s.
@@ -378,15 +381,18 @@ impl Pilot {
         }
     }
 
-    /// A place of the past would be fused as one of now by an autopilot that goes by the arrival.
+    /// Tells the autopilot where the vehicle is. A place of the past would be fused as one of now by an
+    /// autopilot that goes by the arrival, and a stamp that goes back would be dropped.
     pub(super) fn publish_odometry(&mut self, actions: &mut Vec<Action>) {
-        if let Some(estimate) = self.new_belief() {
-            self.published_at = Some(estimate.at);
-            let is_late = self.sample_lag.is_late();
-            let estimate = if is_late { carried_on(estimate, self.now) } else { estimate };
-            actions.push(Action::PublishOdometry(Box::new(estimate)));
-        } else if let Some(estimate) = self.told_by_sight() {
-            actions.push(Action::PublishOdometry(Box::new(estimate)));
+        if let Some(belief) = self.new_belief() {
+            self.published_at = Some(belief.at);
+            let is_late = self.sample_lag.is_late() || Some(belief.at) <= self.sight.told_until();
+            let told = if is_late { carried_on(belief, self.now) } else { belief };
+            self.sight.note_told(&told);
+            actions.push(Action::PublishOdometry(Box::new(told)));
+        } else if let Some(told) = self.told_by_sight() {
+            self.sight.note_told(&told);
+            actions.push(Action::PublishSight(Box::new(told)));
         }
     }
 
@@ -398,29 +404,32 @@ impl Pilot {
         })
     }
 
-    /// In the air, once the samples say too little of now: what a frame shows by itself.
+    /// Keeps what a frame shows by itself, as soon as it may be needed.
     pub(super) fn look_by_sight(&mut self, frame: &TagDetections) {
-        if self.goes_by_sight()
-            && let Some(fix) = self.localizer.pose_by_sight(frame)
-        {
-            self.sight.take(frame.captured_at, fix);
+        if !self.samples_end_before(LOOKED_AFTER) || !self.sight.is_followed(self.now) {
+            return;
+        }
+        let by_filter = || {
+            let pose = self.localizer.pose()?;
+            Some(pose.rotation.inverse().quaternion() * -Vector3::z())
+        };
+        let down_body = self.sight.down_body(self.now).or_else(by_filter);
+        if let Some(fix) = down_body.and_then(|down| self.localizer.pose_by_sight(frame, &down)) {
+            self.sight.take(frame.captured_at, frame.camera, fix);
         }
     }
 
+    /// What frames show, while only they say where the vehicle is, to an autopilot that goes by it.
     fn told_by_sight(&mut self) -> Option<NavEstimate> {
-        let told = self
-            .goes_by_sight()
-            .then(|| self.sight.tell(self.now, ODOMETRY_OLD_AFTER, self.reset_counter));
-        told.flatten().filter(NavEstimate::is_finite)
+        if !self.samples_end_before(ODOMETRY_OLD_AFTER) || !self.sight.is_followed(self.now) {
+            return None;
+        }
+        let told = self.sight.tell(self.now, ODOMETRY_OLD_AFTER, self.reset_counter);
+        told.filter(NavEstimate::is_finite)
     }
 
-    /// True while only frames say where the vehicle is, to an autopilot that had its place from here before.
-    fn goes_by_sight(&self) -> bool {
-        let is_armed = self.vehicle.is_some_and(|vehicle| vehicle.is_armed);
-        let is_old = |at| self.now.since(at) >= ODOMETRY_OLD_AFTER;
-        is_armed
-            && self.published_at.is_some()
-            && self.localizer.last_sample_at().is_some_and(is_old)
+    fn samples_end_before(&self, age: Duration) -> bool {
+        self.localizer.last_sample_at().is_some_and(|at| self.now.since(at) >= age)
     }
 
     /// The belief, if it can be flown on.

@@ -10,8 +10,8 @@ use crate::time::{Mono, Stamp};
 use std::collections::VecDeque;
 use std::time::Duration;
 
-/// Longer behind, samples say too little of now to be worth the wait.
-const PATIENCE: Duration = Duration::from_millis(500);
+/// Later than this samples say too little of now to be worth the wait.
+pub(super) const PATIENCE: Duration = Duration::from_millis(300);
 /// One second of a fast camera: more come only from a clock that is wrong.
 const MOST_WAITING: usize = 120;
 
@@ -25,13 +25,17 @@ impl WaitingFrames {
         self.0.push_back(frame);
     }
 
-    /// The oldest frame, if its samples are there or will not come.
+    /// A frame whose samples are there or will not come, whatever other cameras wait for.
     pub(super) fn pop(&mut self, now: Stamp<Mono>, localizer: &Localizer) -> Option<TagDetections> {
-        let frame = self.0.front()?;
-        let is_due = localizer.can_take(frame.captured_at)
-            || now.since(frame.captured_at) > PATIENCE
-            || frame.captured_at > now.plus(PATIENCE)
-            || self.0.len() > MOST_WAITING;
-        if is_due { self.0.pop_front() } else { None }
+        if self.0.len() > MOST_WAITING {
+            return self.0.pop_front();
+        }
+        let is_due = |frame: &TagDetections| {
+            localizer.can_take(frame.captured_at)
+                || now.since(frame.captured_at) > PATIENCE
+                || frame.captured_at > now.plus(PATIENCE)
+        };
+        let due = self.0.iter().position(is_due)?;
+        self.0.remove(due)
     }
 }
