@@ -13,6 +13,7 @@ use crate::mapping::matern_field::{self, FieldError, Information, Solution, Solv
 use crate::mapping::ray_ceiling::RayCeiling;
 use crate::mapping::roughness::Residuals;
 use crate::mapping::surface_work::SolvedSurface;
+use crate::mapping::unseen_patch;
 use crate::messages::{BudgetRow, BudgetSource, CellCoverage, GridGeometry, HeightMap};
 use crate::time::{Mono, Stamp};
 use std::sync::Arc;
@@ -247,6 +248,8 @@ impl SolveField {
         let range_m = setup.settings.range_m;
         let is_hidden = setup.lattice.far_from(&round.newest.is_known);
         let is_bridged: Vec<bool> = is_hidden.iter().map(|is_hidden| !is_hidden).collect();
+        let var_m2 = round.var_m2.as_deref();
+        let patches = unseen_patch::patches(&setup.lattice, &is_hidden);
         let solved = std::iter::zip(std::iter::zip(&areas_m2, &adjoints), budgets);
         let accounts = std::iter::zip(setup.bays.iter(), solved)
             .map(|(bay, ((areas_m2, adjoint), mut budget))| {
@@ -255,7 +258,10 @@ impl SolveField {
                 let in_gaps_m6 = round.solution.prior_var_at(adjoint, &is_bridged);
                 let var_m6 = adjoint.prior_var - (1.0 - amplitude * amplitude) * in_gaps_m6;
                 budget.rows.insert(0, BudgetRow { source: BudgetSource::Prior, var_m6 });
-                let var_m6 = round.hidden.var_m6(&adjoint.q);
+                let shared_m6 = var_m2.map_or(0.0, |var_m2| {
+                    unseen_patch::shared_var_m6(&patches, areas_m2, var_m2, &adjoint.q)
+                });
+                let var_m6 = round.hidden.var_m6(&adjoint.q) + shared_m6;
                 budget.rows.push(BudgetRow { source: BudgetSource::HiddenGround, var_m6 });
                 if !bay.base.errors.is_empty() {
                     budget.push_shared(BudgetSource::Base, &bay.base.errors);
