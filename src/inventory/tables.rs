@@ -171,14 +171,15 @@ mod tests {
         // As the second program brought them up, and added to them.
         database
             .execute_batch(
-                "ALTER TABLE survey RENAME TO survey_1;
+                "PRAGMA foreign_keys = OFF;
+                 PRAGMA legacy_alter_table = ON;
+                 ALTER TABLE survey RENAME TO survey_1;
                  CREATE TABLE survey (id TEXT PRIMARY KEY, hall_id TEXT NOT NULL REFERENCES hall(id),
                      log_sha256 TEXT NOT NULL, number INTEGER NOT NULL, log_path TEXT NOT NULL,
                      started_utc TEXT, version TEXT NOT NULL, build TEXT NOT NULL, config_toml TEXT NOT NULL,
                      independent TEXT NOT NULL, UNIQUE (log_sha256, number)) STRICT;
                  INSERT INTO survey SELECT id, hall_id, log_sha256, 1, log_path, started_utc, version, build,
                      config_toml, '' FROM survey_1;
-                 PRAGMA legacy_alter_table = ON;
                  DROP TABLE survey_1;
                  INSERT INTO survey VALUES
                      ('survey-1-2', 'hall-1', 'abc', 2, '/a.mcap', 'T', '0.1', 'b', '', 'base');

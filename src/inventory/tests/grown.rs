@@ -23,16 +23,15 @@ fn flown(folder: &Path, name: &str, flights: Flights<'_>) -> PathBuf {
         ..LogHeader::default()
     };
     let at = |s: i64| Stamp::from_nanos(s * 1_000_000_000);
+    let step = |at, to| PhaseChange { at, from: Phase::Idle, to, reason: String::new() };
     let mut recorder = Recorder::create(&path, &header).expect("a log").waiting();
     for (s, verb, volume_m3) in flights {
         let from = OperatorRequest { system: 255, component: 190 };
         let wish = OperatorCommand { at: at(*s), verb: *verb, from };
         recorder.event(at(*s), &Event::Operator(wish));
-        for (s, to) in [(*s, Phase::Preflight), (s + 5, Phase::TakeOff)] {
-            let change = PhaseChange { at: at(s), from: Phase::Idle, to, reason: String::new() };
-            recorder.event(at(s), &Event::Ticked(at(s)));
-            recorder.result(at(s), &Action::PhaseChanged(change));
-        }
+        recorder.result(at(*s), &Action::PhaseChanged(step(at(*s), Phase::Preflight)));
+        recorder.event(at(s + 5), &Event::Ticked(at(s + 5)));
+        recorder.result(at(s + 5), &Action::PhaseChanged(step(at(s + 5), Phase::TakeOff)));
         let accounts = vec![account("hall", *volume_m3)];
         let summary = FlightSummary {
             at: at(s + 50),
