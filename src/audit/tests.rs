@@ -83,8 +83,8 @@ fn a_log_outside_of_the_pack_is_not_read() {
 
 #[test]
 fn another_build_excuses_what_depends_on_builds_and_nothing_else() {
-    let found = |packed_with: Option<&str>, is_reproduced, findings: &[Finding]| Verification {
-        findings: findings.to_vec(),
+    let found = |packed_with: Option<&str>, is_reproduced, findings: &[&Finding]| Verification {
+        findings: findings.iter().map(|finding| (*finding).clone()).collect(),
         n_files: 1,
         volumes: None,
         is_reproduced,
@@ -96,18 +96,20 @@ fn another_build_excuses_what_depends_on_builds_and_nothing_else() {
     let numbers = Finding::NotReproduced("1.0 (a)".to_owned());
     let unread = Finding::Unreadable("unknown field".to_owned());
     let forged = Finding::OtherVolumes("hall".to_owned());
+    let changed = Finding::Changed("a.mcap".to_owned());
+    let added = Finding::Added("b".to_owned());
     let (same, other) = (Some("1.0 (b)"), Some("1.0 (a)"));
     for (verification, judgement) in [
         (found(same, true, &[]), Judgement::Equal),
         (found(other, true, &[]), Judgement::Equal),
-        (found(same, true, &[report.clone()]), Judgement::Differs),
-        (found(other, true, &[report.clone()]), Judgement::ReportNotJudged),
-        (found(same, false, &[numbers.clone()]), Judgement::Differs),
-        (found(other, false, &[numbers.clone()]), Judgement::VolumesNotJudged),
-        (found(None, false, &[unread]), Judgement::VolumesNotJudged),
-        (found(other, false, &[forged, numbers]), Judgement::Differs),
-        (found(other, false, &[Finding::Changed("a.mcap".to_owned())]), Judgement::Differs),
-        (found(other, true, &[report, Finding::Added("b".to_owned())]), Judgement::Differs),
+        (found(same, true, &[&report]), Judgement::Differs),
+        (found(other, true, &[&report]), Judgement::ReportNotJudged),
+        (found(same, false, &[&numbers]), Judgement::Differs),
+        (found(other, false, &[&numbers]), Judgement::VolumesNotJudged),
+        (found(None, false, &[&unread]), Judgement::VolumesNotJudged),
+        (found(other, false, &[&forged, &numbers]), Judgement::Differs),
+        (found(other, false, &[&changed]), Judgement::Differs),
+        (found(other, true, &[&report, &added]), Judgement::Differs),
     ] {
         assert_eq!(verification.judgement(), judgement, "{verification:?}");
     }

@@ -99,3 +99,100 @@ fn dust_said(dust: &DustData) -> String {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::messages::{
+        Declaration, HitCounts, OperatorCommand, OperatorRequest, OperatorVerb, VolumeAccount,
+        VolumeBudget, VolumeEstimate, VolumeShares,
+    };
+    use crate::mission::Phase;
+    use crate::pilot::{Action, Event, FlightSummary, PhaseChange};
+    use crate::record::{LogHeader, Recorder};
+    use crate::report::{Facts, Report, Wishes};
+    use crate::survey::Flight;
+    use crate::time::Stamp;
+    use std::path::Path;
+
+    /// The report of a flight that `by` started from the page, or somebody elsewhere.
+    fn report_of(dust: &str, by: Option<&str>) -> Report {
+        let example = include_str!("../../deploy/config.example.toml");
+        let config_toml = example.replace("dust_zone = \"undeclared\"\n", dust);
+        assert_ne!(config_toml, example, "the example speaks of it");
+        let notes = [("started_utc".to_owned(), "2026-03-04T05:06:07Z".to_owned())].into();
+        let header = LogHeader { config_toml, notes, ..LogHeader::default() };
+        let folder = tempfile::tempdir().unwrap();
+        let log = folder.path().join("flight.mcap");
+        let mut recorder = Recorder::create(&log, &header).unwrap().waiting();
+        let at = Stamp::from_nanos(10_000_000_000);
+        if let Some(by) = by {
+            let said = Declaration { verb: OperatorVerb::Start, by: by.to_owned() };
+            recorder.declared(at, &said);
+        }
+        let from = OperatorRequest { system: 1, component: 191 };
+        let wish = OperatorCommand { at, verb: OperatorVerb::Start, from };
+        recorder.event(at, &Event::Operator(wish));
+        for to in [Phase::Preflight, Phase::TakeOff] {
+            let change = PhaseChange { at, from: Phase::Idle, to, reason: String::new() };
+            recorder.result(at, &Action::PhaseChanged(change));
+        }
+        let volume = VolumeEstimate { at, volume_m3: 10.0, sigma_m3: 1.0, coverage_ratio: 1.0 };
+        let account = VolumeAccount {
+            name: "hall".to_owned(),
+            estimate: volume,
+            mass: None,
+            budget: VolumeBudget::default(),
+            shares: VolumeShares::default(),
+        };
+        recorder.result(at, &Action::VolumesAccounted(vec![account.clone()]));
+        let summary = FlightSummary {
+            at,
+            volume,
+            accounts: vec![account],
+            hits: HitCounts::default(),
+            steps_done: 0,
+            path_length_m: 0.0,
+            is_complete: true,
+            is_final: true,
+        };
+        recorder.result(at, &Action::Ended(Box::new(summary)));
+        assert_eq!(recorder.close().lost_on_disk, 0);
+        let flight = Flight::read(Path::new(&log)).unwrap();
+        Report::new(&Facts::new(flight, Wishes::default()).unwrap(), "0").unwrap()
+    }
+
+    #[test]
+    fn a_report_says_who_declared_what_and_when() {
+        let dust = "dust_zone = \"released\"\ndust_released_by = \"A. Person, 2026-03-04\"\n";
+        let report = report_of(dust, Some("Zoë <b>"));
+        // Ten seconds after the log's beginning.
+        for said in [
+            "4 March 2026, 05:06:17 UTC",
+            "Zoë &lt;b&gt;",
+            "before the START",
+            "nobody is in the hall and nobody can walk in",
+            "the dust zone is released by A. Person, 2026-03-04",
+        ] {
+            assert!(report.html.contains(said), "{said:?} is not in the report");
+        }
+        let json: serde_json::Value = serde_json::from_str(&report.json).unwrap();
+        let declared = &json["survey"]["declarations"][0];
+        assert_eq!(declared["declared_utc"], "2026-03-04T05:06:17Z");
+        assert_eq!(
+            (&declared["declared_by"], &declared["before"]),
+            (&"Zoë <b>".into(), &"start".into())
+        );
+        assert_eq!(json["survey"]["dust"]["zone"], "released");
+    }
+
+    #[test]
+    fn a_report_does_not_say_what_nobody_has_said() {
+        let report = report_of("", None);
+        assert!(report.html.contains("none in the log"));
+        assert!(report.html.contains("dust: not asked by the program that flew"));
+        assert!(!report.html.contains("nobody is in the hall"));
+        let json: serde_json::Value = serde_json::from_str(&report.json).unwrap();
+        assert_eq!(json["survey"]["declarations"], serde_json::json!([]));
+        assert_eq!(json["survey"]["dust"]["zone"], serde_json::Value::Null);
+    }
+}
