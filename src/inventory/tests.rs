@@ -11,6 +11,8 @@ use crate::survey::Origin;
 use crate::time::Stamp;
 use std::path::{Path, PathBuf};
 
+mod grown;
+
 fn account(name: &str, volume_m3: f64) -> VolumeAccount {
     let mut budget = VolumeBudget {
         rows: vec![BudgetRow { source: BudgetSource::Pose, var_m6: 0.25 }],
@@ -71,7 +73,7 @@ fn once() -> AddOptions {
 fn new_id(added: Added) -> String {
     match added {
         Added::New { id, .. } => id,
-        Added::Known { id, .. } => panic!("{id} was there already"),
+        Added::Known { id, .. } | Added::Updated { id, .. } => panic!("{id} was there already"),
     }
 }
 
