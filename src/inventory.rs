@@ -4,7 +4,7 @@
 //! | --- | --- |
 //! | `hall` | hall, by its name |
 //! | `bay` | bay of a hall, and the hall as a whole |
-//! | `survey` | survey of a log: what it is known by, the log's SHA-256, its configuration, when it measured, which errors it does not share |
+//! | `survey` | survey of a log: what it is known by, the log's SHA-256, its configuration, when it measured, which errors it does not share, what a person decided of it |
 //! | `volume` | bay of a survey: volume, σ, mass, and the whole account |
 //! | `replaced` | survey as it stood before more was flown of it |
 //!

@@ -1,4 +1,5 @@
 use super::*;
+use crate::record::COMMIT_NOT_STAMPED;
 use std::os::unix::fs::PermissionsExt as _;
 
 #[test]
@@ -113,4 +114,13 @@ fn another_build_excuses_what_depends_on_builds_and_nothing_else() {
     ] {
         assert_eq!(verification.judgement(), judgement, "{verification:?}");
     }
+    assert!(!found(same, true, &[&changed]).may_be_a_namesake());
+    let unstamped = format!("1.0 ({COMMIT_NOT_STAMPED})");
+    let differing = |finding: &Finding| Verification {
+        verified_with: unstamped.clone(),
+        ..found(Some(&unstamped), false, &[finding])
+    };
+    let numbers = Finding::NotReproduced(unstamped.clone());
+    assert!(differing(&numbers).may_be_a_namesake());
+    assert!(!differing(&changed).may_be_a_namesake());
 }

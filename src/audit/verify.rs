@@ -6,7 +6,7 @@ use super::{
     AuditError, CONFIG, EARLIER, PUBLIC_KEY, SIGNATURE, SUMS, VOLUMES, WISHES, at, read_public_key,
 };
 use crate::export::sha256_of_file;
-use crate::record::{build_identity, review_file};
+use crate::record::{COMMIT_NOT_STAMPED, build_identity, review_file};
 use crate::report::Facts;
 use crate::survey::{Flight, Reproduction};
 use minisign::{PublicKey, SignatureBox};
@@ -131,6 +131,16 @@ impl Verification {
     #[must_use]
     pub fn is_other_build(&self) -> bool {
         self.packed_with.as_ref() != Some(&self.verified_with)
+    }
+
+    /// All that was found could come of another build that bears the same name: without a commit in it, names say
+    /// little.
+    #[must_use]
+    pub fn may_be_a_namesake(&self) -> bool {
+        !self.is_other_build()
+            && self.verified_with.contains(COMMIT_NOT_STAMPED)
+            && !self.findings.is_empty()
+            && self.findings.iter().all(Finding::depends_on_build)
     }
 
     /// What can be said of the pack, but for who signed it.

@@ -98,6 +98,11 @@ impl KnownSurvey {
         let (id, place) = (self.id.clone(), new.read.place.clone());
         let held = accounts(change, &id)?;
         let newest_at_ns = new.read.newest_at.nanos();
+        // A copy without the file beside it knows of no decision, which takes none back.
+        change.execute(
+            "UPDATE survey SET decision = COALESCE(?2, decision) WHERE id = ?1",
+            params![id, new.decision],
+        )?;
         let is_grown = self.newest_at_ns.is_none_or(|known_ns| known_ns < newest_at_ns);
         if is_grown && !are_same(&held, &new.read.accounts) {
             self.replace(change, &held, new)?;

@@ -15,6 +15,8 @@ pub(super) struct NewSurvey<'a> {
     pub(super) read: &'a LoggedAccounts,
     /// Errors that it does not share with earlier surveys.
     pub(super) independent: &'a [Origin],
+    /// What a person has decided of it.
+    pub(super) decision: Option<String>,
 }
 
 impl NewSurvey<'_> {
@@ -42,8 +44,8 @@ impl NewSurvey<'_> {
         )?;
         change.execute(
             "INSERT INTO survey (id, hall_id, identity, log_sha256, number, log_path, started_utc, newest_at_ns,
-                 version, build, config_toml, independent)
-             VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12)",
+                 version, build, config_toml, independent, decision)
+             VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13)",
             params![
                 id,
                 hall_id,
@@ -56,7 +58,8 @@ impl NewSurvey<'_> {
                 self.read.version,
                 self.read.build,
                 self.read.config_toml,
-                self.origins()
+                self.origins(),
+                self.decision
             ],
         )?;
         self.insert_volumes(change, (&id, &hall_id))?;

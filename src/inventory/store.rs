@@ -75,6 +75,8 @@ pub struct StoredSurvey {
     pub number: Option<usize>,
     /// Errors that it does not share with earlier surveys although the configurations are equal.
     pub independent: Vec<Origin>,
+    /// What a person had decided of it when its log was last added: `accepted by Kim, 2026-…: remark`.
+    pub decision: Option<String>,
     /// When it began, RFC 3339 in UTC, if that was noted.
     pub started_utc: Option<String>,
     /// Build that flew.
@@ -115,13 +117,15 @@ impl Inventory {
         if !read.is_final || read.accounts.is_empty() {
             return Err(InventoryError::NotFinal { path: log.to_owned() });
         }
-        let decision = read_decision(log, &read.place)?.filter(Decision::is_rejection);
-        if let Some(decision) = decision.filter(|_| !options.although_rejected) {
-            let (path, said) = (log.to_owned(), decision.said());
-            return Err(InventoryError::Rejected { path, said });
+        let decision = read_decision(log, &read.place)?;
+        let is_rejected = decision.as_ref().is_some_and(Decision::is_rejection);
+        let decision = decision.map(|decision| decision.said());
+        if let Some(said) = decision.clone().filter(|_| is_rejected && !options.although_rejected) {
+            return Err(InventoryError::Rejected { path: log.to_owned(), said });
         }
         let change = self.database.transaction_with_behavior(TransactionBehavior::Immediate)?;
-        let new = NewSurvey { log, sha256: &sum, read: &read, independent: &options.independent };
+        let (read, independent) = (&read, options.independent.as_slice());
+        let new = NewSurvey { log, sha256: &sum, read, independent, decision };
         let added = match known::find(&change, &new)? {
             None => new.insert(&change, hall)?,
             Some(known) => known.bring_up(&change, &new)?,
@@ -139,7 +143,7 @@ impl Inventory {
         let mut found = Vec::new();
         let mut query = self.database.prepare(
             "SELECT survey.id, hall.name, hall.id, log_sha256, log_path, started_utc, build, config_toml,
-                 number, independent
+                 number, independent, decision
              FROM survey JOIN hall ON hall.id = survey.hall_id
              WHERE ?1 IS NULL OR hall.name = ?1
              ORDER BY hall.name, started_utc IS NULL, started_utc, survey.rowid",
@@ -166,6 +170,7 @@ impl Inventory {
                 number,
                 replaced_sha256,
                 independent: origins(&row.get::<_, String>(9)?),
+                decision: row.get(10)?,
             });
         }
         Ok(found)

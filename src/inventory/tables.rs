@@ -20,6 +20,7 @@ const SURVEY: &str = "
         build TEXT NOT NULL,
         config_toml TEXT NOT NULL,
         independent TEXT NOT NULL,
+        decision TEXT,
         UNIQUE (log_sha256, number)
     ) STRICT;
 ";
@@ -63,7 +64,8 @@ const SET_ASIDE: &str = "ALTER TABLE survey RENAME TO survey_old;";
 /// Version 1 knew the last survey of each log, without its number, and nothing of independent errors.
 const FROM_1: &str = "
     INSERT INTO survey
-        SELECT id, hall_id, NULL, log_sha256, NULL, log_path, started_utc, NULL, version, build, config_toml, ''
+        SELECT id, hall_id, NULL, log_sha256, NULL, log_path, started_utc, NULL, version, build, config_toml, '',
+            NULL
         FROM survey_old ORDER BY rowid;
     DROP TABLE survey_old;
 ";
@@ -72,7 +74,7 @@ const FROM_1: &str = "
 const FROM_2: &str = "
     INSERT INTO survey
         SELECT id, hall_id, NULL, log_sha256, NULLIF(number, 1), log_path, started_utc, NULL, version, build,
-            config_toml, independent
+            config_toml, independent, NULL
         FROM survey_old ORDER BY rowid;
     DROP TABLE survey_old;
 ";
@@ -158,7 +160,7 @@ mod tests {
         // Another survey of the same log has a place, the same one has not.
         let add = |number: i64| {
             let sql = "INSERT INTO survey VALUES
-                ('survey-1-' || ?1, 'hall-1', NULL, 'abc', ?1, '/a.mcap', NULL, NULL, '0.1', 'b', '', '')";
+                ('survey-1-' || ?1, 'hall-1', NULL, 'abc', ?1, '/a.mcap', NULL, NULL, '0.1', 'b', '', '', NULL)";
             database.execute(sql, [number])
         };
         assert!(add(2).is_ok() && add(2).is_err());

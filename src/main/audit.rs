@@ -131,6 +131,9 @@ fn print_verification(found: &Verification) {
         let packed_with = found.packed_with.as_deref().unwrap_or("a build that is not known");
         println!("made with {packed_with}; this is {}", found.verified_with);
     }
+    if found.may_be_a_namesake() {
+        println!("the commit is not stamped into this build: another one may bear the same name");
+    }
     println!("{}", said(judgement, found.is_reproduced));
 }
 

@@ -106,7 +106,7 @@ pub(crate) fn run(args: &ChangeArgs) -> anyhow::Result<ExitCode> {
     let later = Survey::read_one(&args.later, args.flight)?;
     anyhow::ensure!(
         !is_same_file(&args.earlier, &args.later) || earlier.place.number < later.place.number,
-        "both are survey {} and {} of one log: --earlier-flight must name one before --flight",
+        "surveys {} and {} of one log: --earlier-flight must name one before --flight",
         earlier.place.number,
         later.place.number
     );

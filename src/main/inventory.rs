@@ -92,6 +92,8 @@ struct SurveyLine {
     log_sha256: String,
     /// Sums of the log when less was flown of the survey.
     replaced_log_sha256: Vec<String>,
+    /// What a person had decided of it when its log was last added.
+    decision: Option<String>,
     /// Which survey of the log; not known of some that an earlier program added.
     number: Option<usize>,
 }
@@ -152,6 +154,7 @@ fn list(books: &Inventory, hall: Option<&str>, as_json: bool) -> anyhow::Result<
             log: stored.survey.path,
             log_sha256: stored.log_sha256,
             replaced_log_sha256: stored.replaced_sha256,
+            decision: stored.decision,
             number: stored.number,
         })
         .collect();
@@ -161,7 +164,8 @@ fn list(books: &Inventory, hall: Option<&str>, as_json: bool) -> anyhow::Result<
     }
     for line in &lines {
         let when = line.started_utc.as_deref().unwrap_or("time unknown");
-        println!("{}  {when}  {}  {}", line.survey_id, line.hall, line.log.display());
+        let decision = line.decision.as_deref().map(|said| format!("  {said}")).unwrap_or_default();
+        println!("{}  {when}  {}  {}{decision}", line.survey_id, line.hall, line.log.display());
     }
     Ok(())
 }

@@ -4,7 +4,7 @@ use super::content::{Column, Part, Table};
 use super::words;
 use crate::config::DustZone;
 use crate::messages::{Declaration, OperatorVerb};
-use crate::survey::Flight;
+use crate::survey::{Flight, Reproduction};
 use crate::time::{Mono, Stamp};
 use serde::Serialize;
 
@@ -58,7 +58,12 @@ pub(super) fn parts(flight: &Flight) -> Vec<Part> {
         flight.declarations.iter().map(|said| row(flight, said)).collect();
     let has_said = !rows.is_empty();
     if !has_said {
-        let none = "none in the log: the start did not come from the page, or its program did not keep them";
+        let none = match flight.reproduction {
+            Reproduction::ResultsOnly => "in the logs that this one was merged from",
+            Reproduction::Identical | Reproduction::Different => {
+                "none in the log: the start did not come from the page, or its program did not keep them"
+            }
+        };
         rows.push(vec!["Declarations".to_owned(), "–".to_owned(), none.to_owned()]);
     }
     rows.push(vec!["Configuration".to_owned(), "–".to_owned(), dust_said(&dust(flight))]);
