@@ -21,6 +21,9 @@
 //!
 //! What a signature says: the holder of the key has packed these bytes. Not: when, or that the configuration,
 //! the books or the decisions are right. Those, and the earlier log, stand on the signature alone.
+//!
+//! Another build than the pack's may come to other last digits or word the report otherwise. Then [`Judgement`] says
+//! what can be judged all the same, and what only the pack's build can.
 
 mod key;
 mod pack;
@@ -29,7 +32,7 @@ mod wishes;
 
 pub use key::{AuditKey, make_key, read_public_key};
 pub use pack::{Pack, PackedVolumes, pack};
-pub use verify::{Finding, Verification, verify};
+pub use verify::{Finding, Judgement, Verification, verify};
 
 use crate::report::ReportError;
 use crate::survey::SurveyError;

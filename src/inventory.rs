@@ -4,16 +4,25 @@
 //! | --- | --- |
 //! | `hall` | hall, by its name |
 //! | `bay` | bay of a hall, and the hall as a whole |
-//! | `survey` | survey of a log: the log's SHA-256, its configuration, when it measured, which errors it does not share |
+//! | `survey` | survey of a log: what it is known by, the log's SHA-256, its configuration, when it measured, which errors it does not share, what a person decided of it |
 //! | `volume` | bay of a survey: volume, σ, mass, and the whole account |
+//! | `replaced` | survey as it stood before more was flown of it |
 //!
-//! Ids are stable: they are made from names and from the log's sum, so the same survey has the same id in
-//! every file. A survey is added in one transaction; a log that is there already is not added again, also
-//! under another name. Neither is one that a person has rejected, unless that is asked for. Nothing is ever changed or taken out.
+//! Ids are stable: they are made from names and from what a survey is known by
+//! ([`crate::record::LoggedSurvey::identity`]), so the same survey has the same id in every file, also when its log
+//! has grown since. A survey is added in one transaction; one that is there already is not added again, also
+//! under another name of its log. Where gaps were flown since, what the survey came to takes the place of what it had
+//! come to, which is kept in `replaced`. A survey that a person has rejected is not added, unless that is asked for.
+//! Nothing is ever taken out.
+//!
+//! Earlier programs did not note what surveys are known by, the first one not even which survey of its log it added.
+//! Theirs are known by their volumes when the log comes again, and are numbered then.
 //!
 //! The rows hold what a log recorded; whether it can be computed again, `report` and `audit` say.
 
 mod history;
+mod known;
+mod new;
 mod store;
 mod table;
 mod tables;
@@ -64,6 +73,17 @@ pub enum InventoryError {
         path: PathBuf,
         /// By whom, when and why.
         said: String,
+    },
+    /// It cannot be told whether the survey is in the books.
+    #[error(
+        "{}: the books have {id} of this log, which an earlier program added; its volumes are none of those that the \
+         log holds now, so nobody can tell which survey it is: add the logs to new books", path.display()
+    )]
+    Unclear {
+        /// Which log.
+        path: PathBuf,
+        /// The survey in the books.
+        id: String,
     },
     /// The log is of a flight under way.
     #[error(

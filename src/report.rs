@@ -15,6 +15,7 @@ mod books;
 mod compose;
 mod content;
 mod data;
+mod declared;
 mod facts;
 mod files;
 mod html;

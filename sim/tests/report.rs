@@ -4,7 +4,7 @@
 
 use mavlink::dialects::ardupilotmega::MavCmd;
 use std::path::{Path, PathBuf};
-use stockpilot::audit::{AuditKey, Finding, WISHES, make_key, pack, verify};
+use stockpilot::audit::{AuditKey, Finding, Judgement, WISHES, make_key, pack, verify};
 use stockpilot::config::{Config, SurfaceName};
 use stockpilot::export::sha256_of_file;
 use stockpilot::messages::{CellCoverage, Severity, VolumeAccount};
@@ -117,6 +117,7 @@ fn a_report_says_what_the_log_says() {
     let sigma_m3 = change.earlier.sigma_m3.hypot(change.later.sigma_m3);
     assert!((renewed.sigma_m3 - sigma_m3).abs() < 1e-9 * sigma_m3, "{renewed:?}");
     assert_a_signer_cannot_change_the_report(&facts, &folder);
+    assert_another_build_says_what_it_cannot_judge(&facts, &folder);
     assert_a_rejected_survey_is_to_be_repeated(&facts, &later);
 }
 
@@ -178,6 +179,42 @@ fn assert_a_signer_cannot_change_the_report(facts: &Facts, folder: &Path) {
     std::fs::write(out.join("addendum.pdf"), "%PDF-").expect("a file");
     sign_anew(&out, &key);
     assert_eq!(check().findings, [Finding::Foreign("addendum.pdf".to_owned())]);
+}
+
+/// A pack that names another build, as that one would have made it, and with what this one does not know.
+fn assert_another_build_says_what_it_cannot_judge(facts: &Facts, folder: &Path) {
+    let out = folder.join("pack-of-another-build");
+    let _absent = std::fs::remove_dir_all(&out);
+    let key = AuditKey::read(&folder.join("audit.key")).expect("a key");
+    let sum = sha256_of_file(&facts.flight.log).expect("a sum");
+    let (flight, wishes) = (facts.flight.clone(), facts.wishes.clone());
+    let other = Facts::reported_by("9.9 (later)".to_owned(), flight, wishes).expect("facts");
+    pack(&other, &sum, &key, &out).expect("a pack");
+    let judged = || verify(&out, Some(key.public())).expect("a verification");
+    // It comes to the same, so there is nothing to excuse.
+    let whole = judged();
+    assert!(whole.is_other_build() && whole.is_reproduced);
+    assert_eq!(whole.judgement(), Judgement::Equal, "{:?}", whole.findings);
+    let changed = |name: &str, from: &str, to: &str| {
+        let path = out.join(name);
+        let before = std::fs::read_to_string(&path).expect("a text");
+        assert!(before.contains(from), "{name} has no {from}");
+        std::fs::write(&path, before.replacen(from, to, 1)).expect("a file");
+        sign_anew(&out, &key);
+        let found = judged();
+        std::fs::write(&path, before).expect("a file");
+        sign_anew(&out, &key);
+        found
+    };
+    let worded = changed("report.html", "Decision rule", "Rule");
+    assert_eq!(worded.judgement(), Judgement::ReportNotJudged, "{:?}", worded.findings);
+    let newer = changed(WISHES, "{", "{\"wind\": 1,");
+    assert_eq!(newer.judgement(), Judgement::VolumesNotJudged, "{:?}", newer.findings);
+    let hall = facts.bays[0].account.estimate.volume_m3;
+    let forged = changed("volumes.json", &format!("{hall}"), &format!("{}", hall + 1.0));
+    assert_eq!(forged.judgement(), Judgement::Differs, "{:?}", forged.findings);
+    let config = changed("config.toml", "[hall]", "[hall] ");
+    assert_eq!(config.judgement(), Judgement::Differs, "{:?}", config.findings);
 }
 
 /// Lists all files of a pack with the sums that they have now, and signs the list.
@@ -378,6 +415,8 @@ fn two_surveys_of_one_log_are_kept_apart() {
     let alone = Flight::read(&first).expect("a flight");
     let one = Flight::read_one(&both, Some(1)).expect("a flight");
     assert_eq!((one.place.number, one.place.n_in_log), (1, 2));
+    // What the books know it by, though the log has gone on.
+    assert_eq!(one.identity, alone.identity);
     assert_eq!(one.reproduction, Reproduction::Identical);
     assert!(one.is_final && one.is_complete);
     let same_log = Flight { log: one.log.clone(), place: one.place.clone(), ..alone };
@@ -396,4 +435,34 @@ fn two_surveys_of_one_log_are_kept_apart() {
     assert!(two.hits.iter().all(|hit| hit.at.seconds() > began_s));
     assert!(one.hits.iter().all(|hit| hit.at.seconds() < began_s));
     assert!(two.phases.iter().all(|change| change.at.seconds() >= began_s - 0.1));
+    assert_the_second_is_compared_with_the_first(&one, two, &folder);
+}
+
+/// Both in one log, in the report and in the pack.
+fn assert_the_second_is_compared_with_the_first(one: &Flight, two: Flight, folder: &Path) {
+    let log = two.log.clone();
+    let earlier = Survey::read_one(&log, Some(1)).expect("a survey");
+    assert_eq!(earlier.accounts, one.accounts);
+    let wishes = Wishes { against: Some(earlier), risk: 0.05, ..Wishes::default() };
+    let facts = Facts::new(two, wishes).expect("facts");
+    let change = facts.bays[0].change.as_ref().expect("a change").change;
+    let volume_m3 = |accounts: &[VolumeAccount]| accounts[0].estimate.volume_m3;
+    let expected_m3 = volume_m3(&facts.flight.accounts) - volume_m3(&one.accounts);
+    assert!(
+        (change.change_m3 - expected_m3).abs() < 1e-9 && expected_m3.abs() > 1e-9,
+        "{change:?}"
+    );
+    let sum = sha256_of_file(&log).expect("a sum");
+    let report = Report::new(&facts, &sum).expect("a report");
+    assert!(report.html.contains("two-surveys.mcap, number 1 of 2"), "not named");
+    let (key, out) = (folder.join("two.key"), folder.join("pack-of-two"));
+    let _absent = std::fs::remove_dir_all(&out);
+    for name in ["two.key", "two.pub"] {
+        let _absent = std::fs::remove_file(folder.join(name));
+    }
+    make_key(&key).expect("a key");
+    let key = AuditKey::read(&key).expect("a key");
+    pack(&facts, &sum, &key, &out).expect("a pack");
+    let found = verify(&out, Some(key.public())).expect("a verification");
+    assert_eq!(found.findings, []);
 }

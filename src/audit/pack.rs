@@ -184,7 +184,8 @@ fn commands(log_name: &str, facts: &Facts) -> String {
          \x20   stockpilot audit verify . --public-key KEY.pub\n\n\
          checks the signature and every file, computes the volumes again to the last bit, and makes every file of \
          the report anew. On the signature alone stand: the configuration of the log, {WISHES} with the \
-         books, the decisions on the flight, and {EARLIER}. Step by step:\n\n\
+         books, the decisions on the flight, and {EARLIER}. Another build may not come to the same; it ends with 3 \
+         or 4 then, which says nothing of the pack. Step by step:\n\n\
          \x20   minisign -V -p KEY.pub -m {SUMS}          the list is signed\n\
          \x20   sha256sum --check {SUMS}                   every file is as listed\n\
          \x20   stockpilot replay {log_name} --verify      every result of the flight again\n\n\

@@ -1,4 +1,5 @@
 use super::*;
+use crate::record::COMMIT_NOT_STAMPED;
 use std::os::unix::fs::PermissionsExt as _;
 
 #[test]
@@ -79,4 +80,47 @@ fn a_log_outside_of_the_pack_is_not_read() {
     let found = verify(&pack, Some(&key.public)).expect("a verification");
     assert_eq!(found.findings, [Finding::Missing("../x.mcap".to_owned())]);
     assert!(found.volumes.is_none());
+}
+
+#[test]
+fn another_build_excuses_what_depends_on_builds_and_nothing_else() {
+    let found = |packed_with: Option<&str>, is_reproduced, findings: &[&Finding]| Verification {
+        findings: findings.iter().map(|finding| (*finding).clone()).collect(),
+        n_files: 1,
+        volumes: None,
+        is_reproduced,
+        packed_with: packed_with.map(str::to_owned),
+        verified_with: "1.0 (b)".to_owned(),
+        key_is_from_pack: false,
+    };
+    let report = Finding::NotMadeOfLog("report.pdf".to_owned());
+    let numbers = Finding::NotReproduced("1.0 (a)".to_owned());
+    let unread = Finding::Unreadable("unknown field".to_owned());
+    let forged = Finding::OtherVolumes("hall".to_owned());
+    let changed = Finding::Changed("a.mcap".to_owned());
+    let added = Finding::Added("b".to_owned());
+    let (same, other) = (Some("1.0 (b)"), Some("1.0 (a)"));
+    for (verification, judgement) in [
+        (found(same, true, &[]), Judgement::Equal),
+        (found(other, true, &[]), Judgement::Equal),
+        (found(same, true, &[&report]), Judgement::Differs),
+        (found(other, true, &[&report]), Judgement::ReportNotJudged),
+        (found(same, false, &[&numbers]), Judgement::Differs),
+        (found(other, false, &[&numbers]), Judgement::VolumesNotJudged),
+        (found(None, false, &[&unread]), Judgement::VolumesNotJudged),
+        (found(other, false, &[&forged, &numbers]), Judgement::Differs),
+        (found(other, false, &[&changed]), Judgement::Differs),
+        (found(other, true, &[&report, &added]), Judgement::Differs),
+    ] {
+        assert_eq!(verification.judgement(), judgement, "{verification:?}");
+    }
+    assert!(!found(same, true, &[&changed]).may_be_a_namesake());
+    let unstamped = format!("1.0 ({COMMIT_NOT_STAMPED})");
+    let differing = |finding: &Finding| Verification {
+        verified_with: unstamped.clone(),
+        ..found(Some(&unstamped), false, &[finding])
+    };
+    let numbers = Finding::NotReproduced(unstamped.clone());
+    assert!(differing(&numbers).may_be_a_namesake());
+    assert!(!differing(&changed).may_be_a_namesake());
 }

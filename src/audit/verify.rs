@@ -6,7 +6,7 @@ use super::{
     AuditError, CONFIG, EARLIER, PUBLIC_KEY, SIGNATURE, SUMS, VOLUMES, WISHES, at, read_public_key,
 };
 use crate::export::sha256_of_file;
-use crate::record::review_file;
+use crate::record::{COMMIT_NOT_STAMPED, build_identity, review_file};
 use crate::report::Facts;
 use crate::survey::{Flight, Reproduction};
 use minisign::{PublicKey, SignatureBox};
@@ -35,8 +35,32 @@ pub enum Finding {
     NotMadeOfLog(String),
     /// A file is signed, but nothing that belongs to a pack.
     Foreign(String),
+    /// This build makes a file of the log that the pack has not.
+    Lacking(String),
     /// This build does not compute the recorded volumes again.
     NotReproduced(String),
+    /// This build cannot read what was packed.
+    Unreadable(String),
+}
+
+impl Finding {
+    /// Another build than the one that has made the pack may find this without anything being wrong.
+    const fn depends_on_build(&self) -> bool {
+        match self {
+            Self::NotMadeOfLog(_)
+            | Self::Foreign(_)
+            | Self::Lacking(_)
+            | Self::NotReproduced(_)
+            | Self::Unreadable(_) => true,
+            Self::BadSignature(_)
+            | Self::BadList(_)
+            | Self::Missing(_)
+            | Self::Changed(_)
+            | Self::Added(_)
+            | Self::OtherConfiguration
+            | Self::OtherVolumes(_) => false,
+        }
+    }
 }
 
 impl fmt::Display for Finding {
@@ -52,12 +76,13 @@ impl fmt::Display for Finding {
                 write!(f, "{VOLUMES}: the volumes of {name} are not the log's")
             }
             Self::NotMadeOfLog(name) => {
-                write!(
-                    f,
-                    "{name} is not what this build makes of the log and {WISHES}; another build than the pack's may word it otherwise"
-                )
+                write!(f, "{name} is not what this build makes of the log and {WISHES}")
             }
             Self::Foreign(name) => write!(f, "{name} is signed, but no file of a pack"),
+            Self::Lacking(name) => {
+                write!(f, "{name}, which this build makes of the log, was not packed")
+            }
+            Self::Unreadable(why) => write!(f, "this build cannot read what was packed: {why}"),
             Self::NotReproduced(build) => {
                 write!(
                     f,
@@ -77,8 +102,61 @@ pub struct Verification {
     pub n_files: usize,
     /// The volumes, if they were computed again and came out to the last bit.
     pub volumes: Option<PackedVolumes>,
+    /// The recorded volumes came out again to the last bit, whatever became of the report.
+    pub is_reproduced: bool,
+    /// The build that has made the pack, as far as this one can read that.
+    pub packed_with: Option<String>,
+    /// This build.
+    pub verified_with: String,
     /// The key came from the pack itself: anybody may have signed it.
     pub key_is_from_pack: bool,
+}
+
+/// What can be said of a pack.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Judgement {
+    /// Files, volumes and report are as they were packed.
+    Equal,
+    /// Something is not, and no difference between builds excuses it.
+    Differs,
+    /// The files are as they were signed, but another build than the pack's does not come to the volumes, or cannot
+    /// read them: whether they are right, only the pack's build can say.
+    VolumesNotJudged,
+    /// The volumes came out to the last bit, but another build than the pack's makes another report of them.
+    ReportNotJudged,
+}
+
+impl Verification {
+    /// The pack was made by another build, or nobody can tell by which.
+    #[must_use]
+    pub fn is_other_build(&self) -> bool {
+        self.packed_with.as_ref() != Some(&self.verified_with)
+    }
+
+    /// All that was found could come of another build that bears the same name: without a commit in it, names say
+    /// little.
+    #[must_use]
+    pub fn may_be_a_namesake(&self) -> bool {
+        !self.is_other_build()
+            && self.verified_with.contains(COMMIT_NOT_STAMPED)
+            && !self.findings.is_empty()
+            && self.findings.iter().all(Finding::depends_on_build)
+    }
+
+    /// What can be said of the pack, but for who signed it.
+    #[must_use]
+    pub fn judgement(&self) -> Judgement {
+        let is_excused = |finding: &Finding| finding.depends_on_build() && self.is_other_build();
+        if self.findings.is_empty() {
+            Judgement::Equal
+        } else if !self.findings.iter().all(is_excused) {
+            Judgement::Differs
+        } else if self.is_reproduced {
+            Judgement::ReportNotJudged
+        } else {
+            Judgement::VolumesNotJudged
+        }
+    }
 }
 
 /// Checks a pack: signature, every file, and the volumes and the report, made again from the log.
@@ -87,7 +165,7 @@ pub struct Verification {
 /// the pack's own is taken, which says that nothing was changed since the signing, not who signed.
 ///
 /// # Errors
-/// Files that cannot be read at all, or a log that cannot be flown again.
+/// Files that cannot be read at all.
 pub fn verify(folder: &Path, public_key: Option<&PublicKey>) -> Result<Verification, AuditError> {
     let own;
     let key = match public_key {
@@ -104,9 +182,29 @@ pub fn verify(folder: &Path, public_key: Option<&PublicKey>) -> Result<Verificat
     }
     let (listed, n_files) = check_files(folder, &sums, &mut findings);
     check_added(folder, &listed, &mut findings)?;
-    let volumes =
-        if findings.is_empty() { recompute(folder, &listed, &mut findings)? } else { None };
-    Ok(Verification { findings, n_files, volumes, key_is_from_pack: public_key.is_none() })
+    let mut found = Verification {
+        findings,
+        n_files,
+        volumes: None,
+        is_reproduced: false,
+        packed_with: packed_with(folder),
+        verified_with: build_identity(),
+        key_is_from_pack: public_key.is_none(),
+    };
+    if found.findings.is_empty() {
+        match recompute(folder, &listed, &mut found) {
+            Err(error @ AuditError::File { .. }) => return Err(error),
+            Err(error) => found.findings.push(Finding::Unreadable(error.to_string())),
+            Ok(volumes) => found.volumes = volumes,
+        }
+    }
+    Ok(found)
+}
+
+/// The build that has made a pack. What else stands beside it, another build may not be able to read.
+fn packed_with(folder: &Path) -> Option<String> {
+    let volumes: serde_json::Value = serde_json::from_slice(&read(folder, VOLUMES).ok()?).ok()?;
+    Some(volumes.get("packed_with")?.as_str()?.to_owned())
 }
 
 fn read(folder: &Path, name: &str) -> Result<Vec<u8>, AuditError> {
@@ -165,8 +263,9 @@ fn check_added(
 fn recompute(
     folder: &Path,
     listed: &BTreeSet<String>,
-    findings: &mut Vec<Finding>,
+    found: &mut Verification,
 ) -> Result<Option<PackedVolumes>, AuditError> {
+    let findings = &mut found.findings;
     for name in [VOLUMES, WISHES, CONFIG, PUBLIC_KEY] {
         if !listed.contains(name) {
             findings.push(Finding::Missing(name.to_owned()));
@@ -193,6 +292,7 @@ fn recompute(
         findings.push(Finding::OtherConfiguration);
     }
     compare_volumes(&flight, &packed, findings);
+    found.is_reproduced = findings.is_empty();
     if findings.is_empty() {
         let facts =
             Facts::reported_by(packed.packed_with.clone(), flight, wishes.unpacked(folder)?)?;
@@ -230,7 +330,7 @@ fn compare_files(
 ) -> Result<(), AuditError> {
     for (name, bytes) in made {
         if !listed.contains(name) {
-            findings.push(Finding::Missing(name.clone()));
+            findings.push(Finding::Lacking(name.clone()));
         } else if read(folder, name)? != *bytes {
             findings.push(Finding::NotMadeOfLog(name.clone()));
         }

@@ -32,6 +32,9 @@ pub(super) struct PackedEarlier {
     /// What its log is called outside of the pack; the report names it.
     file: String,
     pub(super) sha256: String,
+    /// Which survey of it, from 1; the last in packs that do not say.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    flight: Option<usize>,
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -50,7 +53,7 @@ impl PackedWishes {
         let against = wishes.against.as_ref().map(|survey| {
             let file = survey.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
             let sha256 = sha256_of_file(&survey.path).map_err(at(&survey.path))?;
-            Ok::<_, AuditError>(PackedEarlier { file, sha256 })
+            Ok::<_, AuditError>(PackedEarlier { file, sha256, flight: Some(survey.place.number) })
         });
         Ok(Self {
             flight,
@@ -69,7 +72,7 @@ impl PackedWishes {
     /// The same wishes, with the earlier log of the pack in `folder`.
     pub(super) fn unpacked(&self, folder: &Path) -> Result<Wishes, AuditError> {
         let against = self.against.as_ref().map(|earlier| {
-            let survey = Survey::read(&folder.join(EARLIER))?;
+            let survey = Survey::read_one(&folder.join(EARLIER), earlier.flight)?;
             Ok::<_, AuditError>(Survey { path: PathBuf::from(&earlier.file), ..survey })
         });
         let is_named = |origin: &Origin| self.independent.iter().any(|name| name == origin.name());

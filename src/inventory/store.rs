@@ -1,14 +1,13 @@
 //! The database.
 
+use super::known::{self, accounts};
+use super::new::NewSurvey;
 use super::{InventoryError, tables};
 use crate::config::Config;
 use crate::export::sha256_of_file;
-use crate::messages::VolumeAccount;
-use crate::record::{
-    Decision, SurveyPlace, accounts_from_json, accounts_to_json, read_accounts_of, read_decision,
-};
-use crate::survey::{Origin, Survey, ids};
-use rusqlite::{Connection, OptionalExtension as _, Transaction, TransactionBehavior, params};
+use crate::record::{Decision, SurveyPlace, read_accounts_of, read_decision};
+use crate::survey::{Origin, Survey};
+use rusqlite::{Connection, TransactionBehavior};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -49,6 +48,14 @@ pub enum Added {
         /// Which survey of its log it is.
         place: SurveyPlace,
     },
+    /// It was there as it stood before more was flown of it: what it came to since has taken that one's place, which
+    /// the table `replaced` keeps.
+    Updated {
+        /// The survey's id.
+        id: String,
+        /// Which survey of its log it is.
+        place: SurveyPlace,
+    },
 }
 
 /// A survey as it stands in the books.
@@ -60,12 +67,16 @@ pub struct StoredSurvey {
     pub hall: String,
     /// The hall's id.
     pub hall_id: String,
-    /// SHA-256 of its log.
+    /// SHA-256 of its log, as it was when it was read.
     pub log_sha256: String,
-    /// Which survey of the log it is, from 1.
-    pub number: usize,
+    /// Sums of the log when less was flown of the survey, in the order in which it was added.
+    pub replaced_sha256: Vec<String>,
+    /// Which survey of the log it is, from 1; not known of some that an earlier program added.
+    pub number: Option<usize>,
     /// Errors that it does not share with earlier surveys although the configurations are equal.
     pub independent: Vec<Origin>,
+    /// What a person had decided of it when its log was last added: `accepted by Kim, 2026-…: remark`.
+    pub decision: Option<String>,
     /// When it began, RFC 3339 in UTC, if that was noted.
     pub started_utc: Option<String>,
     /// Build that flew.
@@ -88,11 +99,12 @@ impl Inventory {
         Ok(Self { database })
     }
 
-    /// Adds a survey of a log to a hall, unless it is there already.
+    /// Adds a survey of a log to a hall. One that is there already is left as it is, or brought up to what the log
+    /// says of it by now, whichever hall it stands under.
     ///
     /// # Errors
-    /// A log without a result after a landing, a survey that a person has rejected, or books that cannot be
-    /// written.
+    /// A log without a result after a landing, a survey that a person has rejected, books that cannot be
+    /// written, or books of an earlier program that leave open whether they hold it.
     pub fn add(
         &mut self,
         hall: &str,
@@ -105,54 +117,21 @@ impl Inventory {
         if !read.is_final || read.accounts.is_empty() {
             return Err(InventoryError::NotFinal { path: log.to_owned() });
         }
-        let decision = read_decision(log, &read.place)?.filter(Decision::is_rejection);
-        if let Some(decision) = decision.filter(|_| !options.although_rejected) {
-            let (path, said) = (log.to_owned(), decision.said());
-            return Err(InventoryError::Rejected { path, said });
+        let decision = read_decision(log, &read.place)?;
+        let is_rejected = decision.as_ref().is_some_and(Decision::is_rejection);
+        let decision = decision.map(|decision| decision.said());
+        if let Some(said) = decision.clone().filter(|_| is_rejected && !options.although_rejected) {
+            return Err(InventoryError::Rejected { path: log.to_owned(), said });
         }
-        let place = read.place.clone();
-        let id = ids::of_survey(&sum, place.number);
-        let number = i64::try_from(place.number).unwrap_or(i64::MAX);
         let change = self.database.transaction_with_behavior(TransactionBehavior::Immediate)?;
-        let known: Option<String> = change
-            .query_row(
-                "SELECT id FROM survey WHERE log_sha256 = ?1 AND number = ?2",
-                params![sum, number],
-                |row| row.get(0),
-            )
-            .optional()?;
-        if let Some(id) = known {
-            return Ok(Added::Known { id, place });
-        }
-        let hall_id = ids::of_hall(hall);
-        change.execute(
-            "INSERT OR IGNORE INTO hall (id, name) VALUES (?1, ?2)",
-            params![hall_id, hall],
-        )?;
-        let independent: Vec<&str> =
-            options.independent.iter().map(|origin| origin.name()).collect();
-        change.execute(
-            "INSERT INTO survey (id, hall_id, log_sha256, number, log_path, started_utc, version, build,
-                 config_toml, independent)
-             VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10)",
-            params![
-                id,
-                hall_id,
-                sum,
-                number,
-                log.display().to_string(),
-                read.started_utc,
-                read.version,
-                read.build,
-                read.config_toml,
-                independent.join(",")
-            ],
-        )?;
-        for (position, account) in (0_i64..).zip(&read.accounts) {
-            add_volume(&change, (&id, &hall_id), position, account)?;
-        }
+        let (read, independent) = (&read, options.independent.as_slice());
+        let new = NewSurvey { log, sha256: &sum, read, independent, decision };
+        let added = match known::find(&change, &new)? {
+            None => new.insert(&change, hall)?,
+            Some(known) => known.bring_up(&change, &new)?,
+        };
         change.commit()?;
-        Ok(Added::New { id, place })
+        Ok(added)
     }
 
     /// All surveys, of one hall if it is named, the earliest first; those without a time come last, in
@@ -164,7 +143,7 @@ impl Inventory {
         let mut found = Vec::new();
         let mut query = self.database.prepare(
             "SELECT survey.id, hall.name, hall.id, log_sha256, log_path, started_utc, build, config_toml,
-                 number, independent
+                 number, independent, decision
              FROM survey JOIN hall ON hall.id = survey.hall_id
              WHERE ?1 IS NULL OR hall.name = ?1
              ORDER BY hall.name, started_utc IS NULL, started_utc, survey.rowid",
@@ -176,32 +155,33 @@ impl Inventory {
             let toml: String = row.get(7)?;
             let config = Config::from_log(&toml, &path)
                 .map_err(|error| InventoryError::Survey(error.into()))?;
-            let accounts = self.accounts(&id)?;
+            let accounts = accounts(&self.database, &id)?;
+            let number = row.get::<_, Option<i64>>(8)?.and_then(|n| usize::try_from(n).ok());
+            let place = SurveyPlace { number: number.unwrap_or(0), ..SurveyPlace::default() };
+            let replaced_sha256 = self.replaced(&id)?;
             found.push(StoredSurvey {
-                survey: Survey { path, config, accounts, surface: None, is_final: true },
+                survey: Survey { path, config, place, accounts, surface: None, is_final: true },
                 id,
                 hall: row.get(1)?,
                 hall_id: row.get(2)?,
                 log_sha256: row.get(3)?,
                 started_utc: row.get(5)?,
                 build: row.get(6)?,
-                number: usize::try_from(row.get::<_, i64>(8)?).unwrap_or(0),
+                number,
+                replaced_sha256,
                 independent: origins(&row.get::<_, String>(9)?),
+                decision: row.get(10)?,
             });
         }
         Ok(found)
     }
 
-    fn accounts(&self, survey_id: &str) -> Result<Vec<VolumeAccount>, InventoryError> {
+    fn replaced(&self, survey_id: &str) -> Result<Vec<String>, InventoryError> {
         let mut query = self
             .database
-            .prepare("SELECT account_json FROM volume WHERE survey_id = ?1 ORDER BY position")?;
-        let mut accounts = Vec::new();
-        let mut rows = query.query([survey_id])?;
-        while let Some(row) = rows.next()? {
-            accounts.extend(accounts_from_json(&row.get::<_, String>(0)?)?);
-        }
-        Ok(accounts)
+            .prepare("SELECT log_sha256 FROM replaced WHERE survey_id = ?1 ORDER BY rowid")?;
+        let sums = query.query_map([survey_id], |row| row.get(0))?.collect::<Result<_, _>>()?;
+        Ok(sums)
     }
 
     /// What SQLite finds wrong with the file; `ok` if nothing is.
@@ -217,32 +197,4 @@ impl Inventory {
 fn origins(names: &str) -> Vec<Origin> {
     let is_named = |origin: &Origin| names.split(',').any(|name| name == origin.name());
     Origin::ALL.into_iter().filter(is_named).collect()
-}
-
-fn add_volume(
-    change: &Transaction<'_>,
-    (survey_id, hall_id): (&str, &str),
-    position: i64,
-    account: &VolumeAccount,
-) -> Result<(), InventoryError> {
-    let bay_id = ids::of_bay(hall_id, &account.name);
-    change.execute(
-        "INSERT OR IGNORE INTO bay (id, hall_id, name) VALUES (?1, ?2, ?3)",
-        params![bay_id, hall_id, account.name],
-    )?;
-    change.execute(
-        "INSERT INTO volume (survey_id, bay_id, position, volume_m3, sigma_m3, mass_t, mass_sigma_t, account_json)
-         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8)",
-        params![
-            survey_id,
-            bay_id,
-            position,
-            account.estimate.volume_m3,
-            account.estimate.sigma_m3,
-            account.mass.map(|mass| mass.mass_t),
-            account.mass.map(|mass| mass.sigma_t),
-            accounts_to_json(std::slice::from_ref(account))?
-        ],
-    )?;
-    Ok(())
 }

@@ -4,21 +4,34 @@ use super::InventoryError;
 use rusqlite::{Connection, TransactionBehavior};
 
 /// The form of the tables, kept in the file's `user_version`.
-const VERSION: i64 = 2;
+const VERSION: i64 = 3;
 
 const SURVEY: &str = "
     CREATE TABLE survey (
         id TEXT PRIMARY KEY,
         hall_id TEXT NOT NULL REFERENCES hall(id),
+        identity TEXT UNIQUE,
         log_sha256 TEXT NOT NULL,
-        number INTEGER NOT NULL,
+        number INTEGER,
         log_path TEXT NOT NULL,
         started_utc TEXT,
+        newest_at_ns INTEGER,
         version TEXT NOT NULL,
         build TEXT NOT NULL,
         config_toml TEXT NOT NULL,
         independent TEXT NOT NULL,
+        decision TEXT,
         UNIQUE (log_sha256, number)
+    ) STRICT;
+";
+
+const REPLACED: &str = "
+    CREATE TABLE replaced (
+        survey_id TEXT NOT NULL REFERENCES survey(id),
+        log_sha256 TEXT NOT NULL,
+        build TEXT NOT NULL,
+        config_toml TEXT NOT NULL,
+        accounts_json TEXT NOT NULL
     ) STRICT;
 ";
 
@@ -46,14 +59,25 @@ const OTHERS: &str = "
     ) STRICT;
 ";
 
-/// Version 1 knew one survey of each log, and nothing of independent errors.
-const FROM_1: [&str; 2] = [
-    "ALTER TABLE survey RENAME TO survey_1;",
-    "INSERT INTO survey
-        SELECT id, hall_id, log_sha256, 1, log_path, started_utc, version, build, config_toml, ''
-        FROM survey_1 ORDER BY rowid;
-     DROP TABLE survey_1;",
-];
+const SET_ASIDE: &str = "ALTER TABLE survey RENAME TO survey_old;";
+
+/// Version 1 knew the last survey of each log, without its number, and nothing of independent errors.
+const FROM_1: &str = "
+    INSERT INTO survey
+        SELECT id, hall_id, NULL, log_sha256, NULL, log_path, started_utc, NULL, version, build, config_toml, '',
+            NULL
+        FROM survey_old ORDER BY rowid;
+    DROP TABLE survey_old;
+";
+
+/// Version 2 took a survey that came from version 1 for the first of its log, so its firsts may be any.
+const FROM_2: &str = "
+    INSERT INTO survey
+        SELECT id, hall_id, NULL, log_sha256, NULLIF(number, 1), log_path, started_utc, NULL, version, build,
+            config_toml, independent, NULL
+        FROM survey_old ORDER BY rowid;
+    DROP TABLE survey_old;
+";
 
 /// Makes the tables, or brings them to this program's form, in one transaction.
 ///
@@ -66,8 +90,9 @@ pub(super) fn bring_up(database: &mut Connection) -> Result<(), InventoryError> 
     let begun = database.transaction_with_behavior(TransactionBehavior::Immediate)?;
     let found: i64 = begun.pragma_query_value(None, "user_version", |row| row.get(0))?;
     match found {
-        0 => begun.execute_batch(&[SURVEY, OTHERS].concat())?,
-        1 => begun.execute_batch(&[FROM_1[0], SURVEY, FROM_1[1]].concat())?,
+        0 => begun.execute_batch(&[SURVEY, OTHERS, REPLACED].concat())?,
+        1 => begun.execute_batch(&[SET_ASIDE, SURVEY, FROM_1, REPLACED].concat())?,
+        2 => begun.execute_batch(&[SET_ASIDE, SURVEY, FROM_2, REPLACED].concat())?,
         VERSION => {}
         _ => return Err(InventoryError::Version { found, known: VERSION }),
     }
@@ -122,9 +147,10 @@ mod tests {
         bring_up(&mut database).unwrap();
         bring_up(&mut database).unwrap();
         let text = |sql: &str| database.query_row(sql, [], |row| row.get::<_, String>(0)).unwrap();
-        let joined = "SELECT survey.id || ' ' || number || ' ' || independent || ' ' || volume_m3
+        let joined = "SELECT survey.id || ' ' || COALESCE(number, 'unknown') || ' ' || independent || ' ' || volume_m3
             FROM volume JOIN survey ON survey.id = survey_id JOIN hall ON hall.id = hall_id";
-        assert_eq!(text(joined), "survey-1 1  1.5");
+        // Which survey of its log it was, nobody wrote down.
+        assert_eq!(text(joined), "survey-1 unknown  1.5");
         assert_eq!(text("PRAGMA integrity_check"), "ok");
         let broken = database.prepare("PRAGMA foreign_key_check").unwrap().exists([]).unwrap();
         assert!(!broken);
@@ -134,9 +160,50 @@ mod tests {
         // Another survey of the same log has a place, the same one has not.
         let add = |number: i64| {
             let sql = "INSERT INTO survey VALUES
-                ('survey-1-' || ?1, 'hall-1', 'abc', ?1, '/a.mcap', NULL, '0.1', 'b', '', '')";
+                ('survey-1-' || ?1, 'hall-1', NULL, 'abc', ?1, '/a.mcap', NULL, NULL, '0.1', 'b', '', '', NULL)";
             database.execute(sql, [number])
         };
-        assert!(add(2).is_ok() && add(1).is_err());
+        assert!(add(2).is_ok() && add(2).is_err());
+    }
+
+    #[test]
+    fn books_of_the_second_program_keep_all_they_hold() {
+        let mut database = Connection::open_in_memory().unwrap();
+        database.execute_batch(OLD).unwrap();
+        // As the second program brought them up, and added to them.
+        database
+            .execute_batch(
+                "PRAGMA foreign_keys = OFF;
+                 PRAGMA legacy_alter_table = ON;
+                 ALTER TABLE survey RENAME TO survey_1;
+                 CREATE TABLE survey (id TEXT PRIMARY KEY, hall_id TEXT NOT NULL REFERENCES hall(id),
+                     log_sha256 TEXT NOT NULL, number INTEGER NOT NULL, log_path TEXT NOT NULL,
+                     started_utc TEXT, version TEXT NOT NULL, build TEXT NOT NULL, config_toml TEXT NOT NULL,
+                     independent TEXT NOT NULL, UNIQUE (log_sha256, number)) STRICT;
+                 INSERT INTO survey SELECT id, hall_id, log_sha256, 1, log_path, started_utc, version, build,
+                     config_toml, '' FROM survey_1;
+                 DROP TABLE survey_1;
+                 INSERT INTO survey VALUES
+                     ('survey-1-2', 'hall-1', 'abc', 2, '/a.mcap', 'T', '0.1', 'b', '', 'base');
+                 PRAGMA user_version = 2;",
+            )
+            .unwrap();
+        bring_up(&mut database).unwrap();
+        let mut query = database
+            .prepare("SELECT id, number, started_utc, independent FROM survey ORDER BY id")
+            .unwrap();
+        let rows = query
+            .query_map([], |row| Ok((row.get(0)?, row.get(1)?, row.get(2)?, row.get(3)?)))
+            .unwrap()
+            .collect::<Result<Vec<(String, Option<i64>, Option<String>, String)>, _>>()
+            .unwrap();
+        let none = String::new();
+        assert_eq!(
+            rows,
+            [
+                ("survey-1".to_owned(), None, None, none),
+                ("survey-1-2".to_owned(), Some(2), Some("T".to_owned()), "base".to_owned())
+            ]
+        );
     }
 }

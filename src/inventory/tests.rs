@@ -11,6 +11,8 @@ use crate::survey::Origin;
 use crate::time::Stamp;
 use std::path::{Path, PathBuf};
 
+mod grown;
+
 fn account(name: &str, volume_m3: f64) -> VolumeAccount {
     let mut budget = VolumeBudget {
         rows: vec![BudgetRow { source: BudgetSource::Pose, var_m6: 0.25 }],
@@ -71,7 +73,7 @@ fn once() -> AddOptions {
 fn new_id(added: Added) -> String {
     match added {
         Added::New { id, .. } => id,
-        Added::Known { id, .. } => panic!("{id} was there already"),
+        Added::Known { id, .. } | Added::Updated { id, .. } => panic!("{id} was there already"),
     }
 }
 
@@ -197,6 +199,24 @@ fn a_survey_that_a_person_rejected_is_added_only_on_demand() {
     assert_eq!(books.surveys(None).expect("surveys"), []);
     let options = AddOptions { although_rejected: true, ..once() };
     new_id(books.add("Nord", &log, &options).expect("added"));
+    // Who has decided what stands with it, also when that comes later, and is not lost by a copy without it.
+    let decision = || {
+        let mut books = Inventory::open(&folder.join("books.sqlite")).expect("books");
+        books.add("Nord", &log, &options).expect("known");
+        books.surveys(None).expect("surveys").remove(0).decision
+    };
+    assert_eq!(decision().as_deref(), Some("rejected by Kim, 2026-03-01T07:00:00Z: fog"));
+    let review = folder.join("a.review.jsonl");
+    std::fs::write(
+        &review,
+        "{\"flight_ended_at_ns\":0,\"verdict\":\"accepted\",\"remark\":\"\",\"remarks\":[],\
+         \"decided_utc\":\"2026-03-01T08:00:00Z\",\"decided_by\":\"Lee\"}\n",
+    )
+    .expect("a file");
+    for _ in 0..2 {
+        assert_eq!(decision().as_deref(), Some("accepted by Lee, 2026-03-01T08:00:00Z"));
+        let _absent = std::fs::remove_file(&review);
+    }
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! `stockpilot change`: what has changed between two surveys.
 
+use crate::logs;
 use crate::report::is_same_file;
 use clap::{Args, ValueEnum};
 use serde::Serialize;
@@ -14,6 +15,12 @@ pub(crate) struct ChangeArgs {
     earlier: PathBuf,
     /// Log of the later survey.
     later: PathBuf,
+    /// Which survey of the earlier log, from 1: each START that measures anew begins one. The last if left out.
+    #[arg(long, value_name = "N")]
+    earlier_flight: Option<usize>,
+    /// Which survey of the later log. With both numbers, two surveys of one log can be compared.
+    #[arg(long, value_name = "N")]
+    flight: Option<usize>,
     /// How often noise may be called significant, for each line by itself.
     #[arg(long, default_value_t = USUAL_RISK)]
     risk: f64,
@@ -95,11 +102,19 @@ impl From<&BayChange> for BayChangeLine {
 
 /// Compares the bays of two surveys, errors that they share taken out.
 pub(crate) fn run(args: &ChangeArgs) -> anyhow::Result<ExitCode> {
+    let earlier = Survey::read_one(&args.earlier, args.earlier_flight)?;
+    let later = Survey::read_one(&args.later, args.flight)?;
     anyhow::ensure!(
-        !is_same_file(&args.earlier, &args.later),
-        "both are the same log: of several surveys in one the last counts"
+        !is_same_file(&args.earlier, &args.later) || earlier.place.number < later.place.number,
+        "surveys {} and {} of one log: --earlier-flight must name one before --flight",
+        earlier.place.number,
+        later.place.number
     );
-    let (earlier, later) = (Survey::read(&args.earlier)?, Survey::read(&args.later)?);
+    let named =
+        [(&earlier, "--earlier-flight", args.earlier_flight), (&later, "--flight", args.flight)];
+    for (survey, option, _) in named.into_iter().filter(|(.., number)| number.is_none()) {
+        logs::tell_others(&survey.place, option);
+    }
     for survey in [&earlier, &later] {
         if !survey.is_final {
             tracing::warn!(

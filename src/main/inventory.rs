@@ -22,7 +22,8 @@ pub(crate) struct InventoryArgs {
 
 #[derive(Debug, Subcommand)]
 enum InventoryCommand {
-    /// Add surveys; a log that is there already is not added again.
+    /// Add surveys. One that is there already is not added again; if more was flown of it since, it is brought up to
+    /// what the log says by now.
     Add {
         /// The logs, or what `merge` has written.
         #[arg(required = true, value_name = "LOG")]
@@ -89,8 +90,12 @@ struct SurveyLine {
     build: String,
     log: PathBuf,
     log_sha256: String,
-    /// Which survey of the log.
-    number: usize,
+    /// Sums of the log when less was flown of the survey.
+    replaced_log_sha256: Vec<String>,
+    /// What a person had decided of it when its log was last added.
+    decision: Option<String>,
+    /// Which survey of the log; not known of some that an earlier program added.
+    number: Option<usize>,
 }
 
 pub(crate) fn run(args: &InventoryArgs) -> anyhow::Result<ExitCode> {
@@ -126,8 +131,9 @@ fn add(
         let (id, place, what) = match books.add(hall, log, options)? {
             Added::New { id, place } => (id, place, "added"),
             Added::Known { id, place } => (id, place, "there already"),
+            Added::Updated { id, place } => (id, place, "more was flown: brought up to date"),
         };
-        logs::tell_others(&place);
+        logs::tell_others(&place, "--flight");
         println!("{}: {what} as {id}", log.display());
     }
     Ok(())
@@ -147,6 +153,8 @@ fn list(books: &Inventory, hall: Option<&str>, as_json: bool) -> anyhow::Result<
             build: stored.build,
             log: stored.survey.path,
             log_sha256: stored.log_sha256,
+            replaced_log_sha256: stored.replaced_sha256,
+            decision: stored.decision,
             number: stored.number,
         })
         .collect();
@@ -156,7 +164,8 @@ fn list(books: &Inventory, hall: Option<&str>, as_json: bool) -> anyhow::Result<
     }
     for line in &lines {
         let when = line.started_utc.as_deref().unwrap_or("time unknown");
-        println!("{}  {when}  {}  {}", line.survey_id, line.hall, line.log.display());
+        let decision = line.decision.as_deref().map(|said| format!("  {said}")).unwrap_or_default();
+        println!("{}  {when}  {}  {}{decision}", line.survey_id, line.hall, line.log.display());
     }
     Ok(())
 }

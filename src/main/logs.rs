@@ -71,11 +71,11 @@ const fn word(standing: Standing) -> &'static str {
     }
 }
 
-/// Says that a log holds more surveys than the one that something is made of.
-pub(crate) fn tell_others(place: &SurveyPlace) {
+/// Says that a log holds more surveys than the one that something is made of, and which option picks another.
+pub(crate) fn tell_others(place: &SurveyPlace, option: &str) {
     if place.n_in_log > 1 {
         tracing::warn!(
-            "the log holds {} surveys; this is number {}: --flight picks another",
+            "the log holds {} surveys; this is number {}: {option} picks another",
             place.n_in_log,
             place.number
         );

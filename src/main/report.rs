@@ -22,6 +22,9 @@ pub(crate) struct SurveyArgs {
     /// Log of an earlier survey of the same bays: the report says what has changed.
     #[arg(long, value_name = "LOG")]
     against: Option<PathBuf>,
+    /// Which survey of the earlier log, which may then be the same log. The last if left out.
+    #[arg(long, value_name = "N", requires = "against")]
+    against_flight: Option<usize>,
     /// Errors that this survey and the earlier one do not share although their configurations are equal.
     #[arg(long, value_enum, value_delimiter = ',', value_name = "ORIGINS", requires = "against")]
     independent: Vec<OriginName>,
@@ -58,20 +61,28 @@ pub(crate) struct ReportArgs {
     out: PathBuf,
 }
 
-/// What a survey came to, and the SHA-256 of its log.
 /// True if two paths lead to one file.
 pub(crate) fn is_same_file(a: &Path, b: &Path) -> bool {
     matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
 }
 
-pub(crate) fn facts_of(args: &SurveyArgs) -> anyhow::Result<(Facts, String)> {
-    if let Some(against) = &args.against {
-        anyhow::ensure!(
-            !is_same_file(against, &args.log),
-            "{} is the log itself: of an earlier log its last survey counts, and here that is this one or a later one",
-            against.display()
-        );
+/// The earlier survey to compare with.
+fn earlier(args: &SurveyArgs) -> anyhow::Result<Option<Survey>> {
+    let Some(against) = &args.against else { return Ok(None) };
+    anyhow::ensure!(
+        args.against_flight.is_some() || !is_same_file(against, &args.log),
+        "{} is the log itself: --against-flight names an earlier survey of it",
+        against.display()
+    );
+    let survey = Survey::read_one(against, args.against_flight)?;
+    if args.against_flight.is_none() {
+        logs::tell_others(&survey.place, "--against-flight");
     }
+    Ok(Some(survey))
+}
+
+/// What a survey came to, and the SHA-256 of its log.
+pub(crate) fn facts_of(args: &SurveyArgs) -> anyhow::Result<(Facts, String)> {
     let mut books = args.book.as_deref().map_or_else(|| Ok(Vec::new()), read_books)?;
     books.extend(args.book_of.iter().cloned());
     let wishes = Wishes {
@@ -79,7 +90,7 @@ pub(crate) fn facts_of(args: &SurveyArgs) -> anyhow::Result<(Facts, String)> {
         hall: args.hall.clone().or_else(|| args.site.clone()),
         operator: args.operator.clone(),
         target: Target { percent: args.target_percent, ..Target::default() },
-        against: args.against.as_deref().map(Survey::read).transpose()?,
+        against: earlier(args)?,
         independent: args.independent.iter().map(|name| (*name).into()).collect(),
         books,
         risk: args.risk,
@@ -87,7 +98,15 @@ pub(crate) fn facts_of(args: &SurveyArgs) -> anyhow::Result<(Facts, String)> {
     let sha256 =
         sha256_of_file(&args.log).with_context(|| format!("cannot read {}", args.log.display()))?;
     let flight = Flight::read_one(&args.log, args.flight)?;
-    logs::tell_others(&flight.place);
+    if let Some(against) = &wishes.against {
+        anyhow::ensure!(
+            !is_same_file(&against.path, &args.log) || against.place.number < flight.place.number,
+            "survey {} of the log is not before survey {}: --against-flight must name an earlier one",
+            against.place.number,
+            flight.place.number
+        );
+    }
+    logs::tell_others(&flight.place, "--flight");
     Ok((Facts::new(flight, wishes)?, sha256))
 }
 

@@ -5,6 +5,7 @@ use super::replay::ReplayError;
 use super::surveys::{SurveyPlace, read_surveys};
 use super::twin::{AccountsTwin, SurfaceTwin};
 use crate::messages::{HeightMap, VolumeAccount};
+use crate::time::{Mono, Stamp};
 use serde::Deserialize;
 use std::fs::File;
 use std::io::BufReader;
@@ -17,8 +18,14 @@ pub struct LoggedAccounts {
     pub config_toml: String,
     /// Which survey of the log it is.
     pub place: SurveyPlace,
+    /// What it is known by, however the log goes on; empty in a log without volumes.
+    pub identity: String,
+    /// When it last took off or gave a result.
+    pub newest_at: Stamp<Mono>,
     /// When it began, RFC 3339 in UTC, if that was noted.
     pub started_utc: Option<String>,
+    /// When the log began, likewise.
+    pub log_started_utc: Option<String>,
     /// Version of the program that flew.
     pub version: String,
     /// Build of that program.
@@ -55,6 +62,9 @@ pub fn read_accounts_of(log: &Path, number: Option<usize>) -> Result<LoggedAccou
     let surface = survey.surface.as_deref().map(read_surface).transpose()?;
     Ok(LoggedAccounts {
         started_utc: contents.started_utc(&survey.place),
+        log_started_utc: contents.notes.get("started_utc").cloned(),
+        identity: survey.identity,
+        newest_at: survey.newest_at,
         place: survey.place,
         version: contents.version,
         build: contents.build,

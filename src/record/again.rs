@@ -12,7 +12,7 @@ use super::replay::ReplayError;
 use super::surveys::{SurveyPlace, read_surveys};
 use super::topic::Topic;
 use super::twin::AccountsTwin;
-use crate::messages::{HeightMap, HitCounts, VolumeAccount};
+use crate::messages::{Declaration, HeightMap, HitCounts, VolumeAccount};
 use crate::pilot::{Action, Event, Job, JobId, Pilot};
 use crate::time::{Mono, Stamp};
 use std::collections::BTreeMap;
@@ -59,6 +59,10 @@ pub struct FlownAgain {
     pub last_at: Stamp<Mono>,
     /// Which survey of the log it is.
     pub place: SurveyPlace,
+    /// What it is known by, however the log goes on.
+    pub identity: String,
+    /// What people said before its motors turned.
+    pub declarations: Vec<(Stamp<Mono>, Declaration)>,
     /// Civil time at the survey's beginning, RFC 3339 in UTC, if the log's was noted.
     pub started_utc: Option<String>,
     /// Where the beams of earlier surveys went.
@@ -135,6 +139,8 @@ where
     Ok(FlownAgain {
         started_utc: contents.started_utc(&survey.place),
         place: survey.place,
+        identity: survey.identity,
+        declarations: survey.declarations,
         version: contents.version,
         build: contents.build,
         config_toml: contents.config_toml,

@@ -3,16 +3,21 @@
 //! A survey begins with a START that measures anew and takes in the flights into its gaps; the next such
 //! START ends it. Numbers count from 1 and only surveys that took off. A log without any START, as `stockpilot
 //! merge` writes it, is one survey if it holds volumes.
+//!
+//! A log may grow after somebody has read it: by flights into the gaps, by another survey, by the idle service.
+//! [`LoggedSurvey::identity`] stays what it was.
 
 use super::entry::RecordedEvent;
 use super::reader::{LogItem, LogReader};
 use super::replay::ReplayError;
 use super::topic::Topic;
-use crate::messages::OperatorVerb;
+use super::twin::DeclaredTwin;
+use crate::messages::{Declaration, OperatorVerb};
 use crate::pilot::Event;
 use crate::time::{Mono, Stamp};
 use jiff::{SignedDuration, Timestamp};
 use serde::Deserialize;
+use sha2::{Digest as _, Sha256};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::BufReader;
@@ -41,8 +46,14 @@ pub struct SurveyPlace {
 pub struct LoggedSurvey {
     /// Where it stands.
     pub place: SurveyPlace,
+    /// SHA-256, hexadecimal, of what the log had told when the survey first took off: the configuration, both clocks
+    /// at the log's beginning, and every result since the START. Of all its results, if nothing took off. It is the
+    /// same however the log goes on, and another one for any other survey.
+    pub identity: String,
     /// When it last took off or gave a result: another number means that more was flown.
     pub newest_at: Stamp<Mono>,
+    /// What people said before its motors turned: before the START, and before flights into its gaps.
+    pub declarations: Vec<(Stamp<Mono>, Declaration)>,
     /// A flight has ended since the newest volumes, and they are those of its last solve.
     pub is_final: bool,
     pub(super) accounts: Option<Vec<u8>>,
@@ -86,7 +97,9 @@ pub fn read_surveys(log: &Path) -> Result<LogContents, ReplayError> {
         return Err(ReplayError::NoConfig { damage: reader.damage().map(str::to_owned) });
     };
     let began_at = reader.began_at().unwrap_or_default();
-    let mut parts = Parts::new(began_at);
+    let started_utc = reader.notes().get("started_utc").map_or("", String::as_str);
+    let beginning = [config_toml.as_str(), started_utc, &began_at.nanos().to_string()].join("\0");
+    let mut parts = Parts::new(began_at, Sha256::new_with_prefix(beginning));
     reader.by_ref().for_each(|item| parts.take(item));
     Ok(LogContents {
         version,
@@ -170,13 +183,31 @@ struct Parts {
     /// The newest event, if it was the wish to fly into the gaps.
     flies_gaps: bool,
     last_event_at: Stamp<Mono>,
+    /// What was said last, until the start comes that it was said for.
+    declared: Option<(Stamp<Mono>, Declaration)>,
+    /// What was said for the newest event, if that was a start.
+    said: Option<(Stamp<Mono>, Declaration)>,
+    /// Of the log's beginning, with which every survey's sum begins.
+    beginning: Sha256,
+    /// Of the current survey, up to its take-off.
+    sum: Sha256,
 }
 
 impl Parts {
-    fn new(began_at: Stamp<Mono>) -> Self {
+    fn new(began_at: Stamp<Mono>, beginning: Sha256) -> Self {
         let current = LoggedSurvey { has_start: false, ..LoggedSurvey::from_start(began_at, 0) };
-        let done = Vec::new();
-        Self { done, current, n_events: 0, flies_gaps: false, last_event_at: began_at }
+        let (done, sum) = (Vec::new(), beginning.clone());
+        Self {
+            done,
+            current,
+            n_events: 0,
+            flies_gaps: false,
+            last_event_at: began_at,
+            declared: None,
+            said: None,
+            beginning,
+            sum,
+        }
     }
 
     fn take(&mut self, item: LogItem) {
@@ -184,26 +215,51 @@ impl Parts {
             LogItem::Event { at, event } => {
                 self.n_events += 1;
                 self.last_event_at = at;
-                self.flies_gaps = matches!(
-                    event,
-                    RecordedEvent::Plain(Event::Operator(wish)) if wish.verb == OperatorVerb::FlyGaps
-                );
+                let wish = match &event {
+                    RecordedEvent::Plain(Event::Operator(wish)) => Some(wish),
+                    _ => None,
+                };
+                self.flies_gaps = wish.is_some_and(|wish| wish.verb == OperatorVerb::FlyGaps);
+                // The page's wish has the instant at which it was declared; a start from elsewhere says nothing.
+                self.said = wish.and_then(|wish| {
+                    self.declared.take_if(|(at, said)| *at == wish.at && said.verb == wish.verb)
+                });
             }
-            LogItem::Result { topic: Topic::Phase, json, .. }
-                if holds(&json, TO_PREFLIGHT) && !self.flies_gaps =>
-            {
-                let first_event = self.n_events.saturating_sub(1);
-                self.current.events.end = first_event;
-                let next = LoggedSurvey::from_start(self.last_event_at, first_event);
-                self.done.push(std::mem::replace(&mut self.current, next));
+            LogItem::Result { topic: Topic::Declared, json, .. } => {
+                self.declared = serde_json::from_slice(&json).ok().map(DeclaredTwin::said);
             }
-            LogItem::Result { at, topic, json } => self.current.take(at, topic, json),
+            LogItem::Result { at, topic, json } => self.result(at, topic, json),
             LogItem::Config { .. } | LogItem::Lost { .. } => {}
         }
     }
 
+    fn result(&mut self, at: Stamp<Mono>, topic: Topic, json: Vec<u8>) {
+        let is_start = topic == Topic::Phase && holds(&json, TO_PREFLIGHT);
+        if is_start && !self.flies_gaps {
+            let first_event = self.n_events.saturating_sub(1);
+            self.current.events.end = first_event;
+            self.finish(LoggedSurvey::from_start(self.last_event_at, first_event));
+        }
+        if is_start {
+            self.current.declarations.extend(self.said.take());
+        }
+        if !self.current.has_flown {
+            self.sum.update(at.nanos().to_le_bytes());
+            self.sum.update(topic.name());
+            self.sum.update(&json);
+        }
+        self.current.take(at, topic, json);
+    }
+
+    /// The current survey ends, and the next one begins.
+    fn finish(&mut self, next: LoggedSurvey) {
+        let sum = std::mem::replace(&mut self.sum, self.beginning.clone());
+        self.current.identity = sum.finalize().iter().map(|byte| format!("{byte:02x}")).collect();
+        self.done.push(std::mem::replace(&mut self.current, next));
+    }
+
     fn end(mut self) -> Vec<LoggedSurvey> {
-        self.done.push(self.current);
+        self.finish(LoggedSurvey::default());
         self.done.retain(LoggedSurvey::counts);
         let n_in_log = self.done.len();
         for (number, survey) in (1..).zip(&mut self.done) {

@@ -163,7 +163,7 @@ fn differences(facts: &Facts) -> Vec<Part> {
 fn compared_with(facts: &Facts) -> String {
     let mut said = match (&facts.changes, &facts.wishes.against) {
         (Some(report), Some(earlier)) => {
-            let file = earlier.path.file_name().unwrap_or_default().to_string_lossy();
+            let file = words::log_of(earlier);
             let shared: Vec<&str> =
                 report.shared.iter().map(|origin: &Origin| origin.name()).collect();
             let shared = if shared.is_empty() { "none".to_owned() } else { shared.join(", ") };

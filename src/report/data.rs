@@ -2,13 +2,14 @@
 
 use super::ReportError;
 use super::books::BookDifference;
+use super::declared::{self, DeclarationData, DustData};
 use super::facts::{BayFacts, Facts};
 use super::verdict::Verdict;
 use crate::config::{BaySection, Config};
 use crate::mapping::statement::COVERAGE_FACTOR;
 use crate::messages::{BudgetSource, GridGeometry, HeightMap, VolumeAccount};
 use crate::record::Decision;
-use crate::survey::{AccountLine, BayChange, Flight, Reproduction, ids};
+use crate::survey::{AccountLine, BayChange, Flight, Reproduction, Survey, ids};
 use serde::Serialize;
 
 /// Name and version of the JSON form; keys may be added within a version, not changed.
@@ -34,6 +35,8 @@ pub struct ReportData {
     covariance: CovarianceData,
     surface: Option<SurfaceData>,
     beams: BeamData,
+    /// The survey that changes are since.
+    earlier: Option<EarlierData>,
     /// Origins of errors that this and the earlier survey share, so that they cancel.
     shared_with_earlier: Vec<&'static str>,
 }
@@ -50,6 +53,15 @@ struct LogData {
     merged_from: Vec<String>,
 }
 
+/// An earlier survey.
+#[derive(Debug, Serialize)]
+struct EarlierData {
+    file: String,
+    /// Which of the log's surveys it is, from 1.
+    number: usize,
+    surveys_in_log: usize,
+}
+
 #[derive(Debug, Serialize)]
 struct SurveyData {
     /// Which of the log's surveys it is, from 1.
@@ -61,6 +73,10 @@ struct SurveyData {
     measured_to_utc: Option<String>,
     is_final: bool,
     lidar: String,
+    /// What the hall's configuration says of dust.
+    dust: DustData,
+    /// What people said before the motors turned.
+    declarations: Vec<DeclarationData>,
     /// What a person decided of it.
     decision: Option<Decision>,
     waypoints: Option<usize>,
@@ -184,6 +200,7 @@ impl ReportData {
                 refused: flight.counts.refused,
                 hits_exported: flight.hits.len(),
             },
+            earlier: facts.wishes.against.as_ref().map(earlier),
             shared_with_earlier: shared.iter().map(|origin| origin.name()).collect(),
         }
     }
@@ -207,6 +224,14 @@ fn log(facts: &Facts, sha256: &str) -> LogData {
     }
 }
 
+fn earlier(survey: &Survey) -> EarlierData {
+    EarlierData {
+        file: survey.path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+        number: survey.place.number,
+        surveys_in_log: survey.place.n_in_log,
+    }
+}
+
 fn survey(flight: &Flight) -> SurveyData {
     let between = flight.measured_between();
     let civil = |at| flight.civil(at).map(|at| at.to_string());
@@ -219,6 +244,8 @@ fn survey(flight: &Flight) -> SurveyData {
         measured_to_utc: between.and_then(|(_, to)| civil(to)),
         is_final: flight.is_final,
         lidar: flight.lidar_said(),
+        dust: declared::dust(flight),
+        declarations: declared::data(flight),
         decision: flight.decision.clone(),
         waypoints: flight.summary.as_ref().map(|summary| summary.steps_done),
         path_length_m: flight.summary.as_ref().map(|summary| summary.path_length_m),
@@ -448,7 +475,7 @@ fn row<'a>(facts: &'a Facts, bay: &'a BayFacts, log_sha256: &'a str) -> Row<'a> 
         book_is_significant: book.map(|book| book.is_significant),
         remarks: bay.remarks.join("; "),
         log_sha256,
-        survey_id: ids::of_survey(log_sha256, facts.flight.place.number),
+        survey_id: ids::of_survey(&facts.flight.identity),
         hall_id: facts.hall_id(),
         bay_id: facts.bay_id(bay),
         material_id: material.map(ids::of_material),

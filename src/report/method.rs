@@ -2,7 +2,7 @@
 
 use super::content::{Column, Part, Table};
 use super::facts::Facts;
-use super::words;
+use super::{declared, words};
 use crate::mapping::statement::{COVERAGE_FACTOR, Statement};
 use crate::messages::Verdict as FixVerdict;
 use crate::record::{Decision, SurveyPlace};
@@ -27,6 +27,7 @@ pub(super) fn parts(facts: &Facts, log_sha256: &str) -> Vec<Part> {
         Part::Heading("Instrument".to_owned()),
         two_columns("Part", "What", instrument(facts)),
     ];
+    parts.extend(declared::parts(flight));
     let densities = densities(flight);
     if !densities.rows.is_empty() {
         parts.push(Part::Heading("Density".to_owned()));

@@ -2,7 +2,7 @@
 
 use crate::mapping::statement::Statement;
 use crate::messages::BudgetSource;
-use crate::survey::Flight;
+use crate::survey::{Flight, Survey};
 use jiff::Timestamp;
 
 /// `621.40 ± 0.14 m³`, without breaks before the unit.
@@ -78,6 +78,16 @@ pub(super) fn when(flight: &Flight) -> String {
             span_s
         ),
         None => format!("Time not recorded · {file}"),
+    }
+}
+
+/// The log of an earlier survey, and which of several in it.
+pub(super) fn log_of(survey: &Survey) -> String {
+    let file = survey.path.file_name().unwrap_or_default().to_string_lossy();
+    if survey.place.n_in_log > 1 {
+        format!("{file}, number {} of {}", survey.place.number, survey.place.n_in_log)
+    } else {
+        file.into_owned()
     }
 }
 

@@ -23,8 +23,8 @@ use crate::mapping::density::Density;
 use crate::mapping::region::Region;
 use crate::mapping::statement::Statement;
 use crate::messages::{BudgetSource, HeightMap, Mass, VolumeAccount, VolumeEstimate};
-use crate::record::read_accounts;
 use crate::record::replay::ReplayError;
+use crate::record::{SurveyPlace, read_accounts_of};
 use std::collections::BTreeMap;
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -82,6 +82,8 @@ pub struct Survey {
     pub path: PathBuf,
     /// Its configuration.
     pub config: Config,
+    /// Which survey of the log it is.
+    pub place: SurveyPlace,
     /// The whole region first, then its bays.
     pub accounts: Vec<VolumeAccount>,
     /// The newest surface, if the log holds one.
@@ -160,12 +162,20 @@ pub struct ChangeReport {
 }
 
 impl Survey {
-    /// Reads the newest volumes of a log, or of what `stockpilot merge` has written.
+    /// Reads the last survey with volumes of a log, or what `stockpilot merge` has written.
     ///
     /// # Errors
-    /// A log that cannot be read or holds no volume.
+    /// As [`Self::read_one`].
     pub fn read(path: &Path) -> Result<Self, SurveyError> {
-        let read = read_accounts(path)
+        Self::read_one(path, None)
+    }
+
+    /// Reads the newest volumes of the survey with this number in a log, or of the last one.
+    ///
+    /// # Errors
+    /// A log that cannot be read, or a survey that it does not hold or that has no volume.
+    pub fn read_one(path: &Path, number: Option<usize>) -> Result<Self, SurveyError> {
+        let read = read_accounts_of(path, number)
             .map_err(|source| SurveyError::Log { path: path.to_owned(), source })?;
         if read.accounts.is_empty() {
             return Err(SurveyError::NoVolume { path: path.to_owned() });
@@ -173,6 +183,7 @@ impl Survey {
         Ok(Self {
             path: path.to_owned(),
             config: Config::from_log(&read.config_toml, path)?,
+            place: read.place,
             accounts: read.accounts,
             surface: read.surface,
             is_final: read.is_final,

@@ -5,7 +5,8 @@ use crate::mapping::base::BaseSurface;
 use crate::mapping::bay::BayOnGrid;
 use crate::mapping::{self, KeptHit};
 use crate::messages::{
-    CellCoverage, FixRecord, HeightMap, HitCounts, Severity, StatusText, Verdict, VolumeAccount,
+    CellCoverage, Declaration, FixRecord, HeightMap, HitCounts, Severity, StatusText, Verdict,
+    VolumeAccount,
 };
 use crate::pilot::{Action, Event, FlightSummary, JobOutput, PhaseChange, Pilot};
 use crate::record::replay::ReplayError;
@@ -37,6 +38,10 @@ pub struct Flight {
     pub settings: mapping::Settings,
     /// Which survey of the log it is.
     pub place: SurveyPlace,
+    /// What it is known by, however the log goes on.
+    pub identity: String,
+    /// What people said before its motors turned: at the START, and at flights into its gaps.
+    pub declarations: Vec<(Stamp<Mono>, Declaration)>,
     /// Civil time at the survey's START, if the log's was noted.
     pub started: Option<Timestamp>,
     /// Civil time at the log's start, if it was noted.
@@ -212,6 +217,8 @@ impl Flight {
             version: again.version,
             build: again.build,
             place: again.place,
+            identity: again.identity,
+            declarations: again.declarations,
             started: again.started_utc.and_then(|text| text.parse().ok()),
             log_started: again.notes.get("started_utc").and_then(|text| text.parse().ok()),
             began_at: again.began_at,
@@ -243,6 +250,7 @@ impl Flight {
         Survey {
             path: self.log.clone(),
             config: self.config.clone(),
+            place: self.place.clone(),
             accounts: self.accounts.clone(),
             surface: self.surface.clone(),
             is_final: self.is_final,

@@ -1,4 +1,4 @@
-//! Ids that are the same in every file and in every program's tables: made from names and from sums of logs.
+//! Ids that are the same in every file and in every program's tables: made from names and from what surveys are known by.
 
 use crate::export::sha256_of_bytes;
 
@@ -28,11 +28,11 @@ pub fn of_material(name: &str) -> String {
     id("material", name)
 }
 
-/// The id of the survey with this number in its log.
+/// The id of a survey, from what it is known by ([`crate::record::LoggedSurvey::identity`]): a log that has grown
+/// does not change it.
 #[must_use]
-pub fn of_survey(log_sha256: &str, number: usize) -> String {
-    let sum = &log_sha256[..N_DIGITS.min(log_sha256.len())];
-    if number > 1 { format!("survey-{sum}-{number}") } else { format!("survey-{sum}") }
+pub fn of_survey(identity: &str) -> String {
+    format!("survey-{}", identity.get(..N_DIGITS).unwrap_or(identity))
 }
 
 #[cfg(test)]
@@ -46,7 +46,6 @@ mod tests {
         assert_eq!(of_hall("Nord").len(), 21);
         assert_eq!(of_hall("Nord"), of_hall("Nord"));
         assert_ne!(of_bay(&of_hall("Nord"), "salt"), of_bay(&of_hall("Süd"), "salt"));
-        assert_eq!(of_survey("0123456789abcdef0123", 1), "survey-0123456789abcdef");
-        assert_eq!(of_survey("0123456789abcdef0123", 2), "survey-0123456789abcdef-2");
+        assert_eq!(of_survey("0123456789abcdef0123"), "survey-0123456789abcdef");
     }
 }

@@ -236,6 +236,8 @@ def test_after_landing_somebody_decides(flight, desktop):
     expect(page.locator("#review-dialog")).to_be_visible()
     expect(page.locator("#review-remarks")).to_contain_text("cut short")
     page.fill("#remark", "cut short for the test")
+    expect(page.locator("#decided-by")).to_have_value("")
+    page.fill("#decided-by", "Third Pilot")
     picture(desktop, "8-review-desktop")
     page.click("#reject")
     expect(page.locator("#answer")).to_contain_text("flight rejected")
@@ -243,6 +245,8 @@ def test_after_landing_somebody_decides(flight, desktop):
     [path] = flight["folder"].glob("*.review.jsonl")
     kept = json.loads(path.read_text())
     assert kept["verdict"] == "rejected" and kept["remark"] == "cut short for the test", kept
+    assert kept["decided_by"] == "Third Pilot", kept
+    assert page.evaluate("localStorage.getItem('stockpilot.name')") == "Third Pilot"
     assert state(flight)["review"]["verdict"] == "rejected"
 
 

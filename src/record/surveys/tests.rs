@@ -1,7 +1,7 @@
 use super::*;
 use crate::messages::{
-    HitCounts, OperatorCommand, OperatorRequest, VolumeAccount, VolumeBudget, VolumeEstimate,
-    VolumeShares,
+    Declaration, HitCounts, OperatorCommand, OperatorRequest, VolumeAccount, VolumeBudget,
+    VolumeEstimate, VolumeShares,
 };
 use crate::mission::Phase;
 use crate::pilot::{Action, FlightSummary, PhaseChange};
@@ -139,4 +139,67 @@ fn what_never_took_off_is_no_survey_and_ends_the_one_before() {
     assert_eq!(read.accounts[0].estimate.volume_m3.to_bits(), 410.0_f64.to_bits());
     assert!(read.is_final);
     assert!(read_accounts_of(&log, Some(2)).unwrap().accounts.is_empty());
+}
+
+fn identities(folder: &Path, flights: &[(i64, OperatorVerb, f64)], until_s: i64) -> Vec<String> {
+    let folder = tempfile::tempdir_in(folder).unwrap();
+    let mut script = Script::begin(folder.path());
+    for (s, verb, volume_m3) in flights {
+        script.fly(*s, *verb);
+        script.end(s + 50, *volume_m3);
+    }
+    // The service has nothing to do and writes all the same.
+    script.recorder.event(at(until_s), &Event::Ticked(at(until_s)));
+    let log = script.close();
+    read_surveys(&log).unwrap().surveys.into_iter().map(|survey| survey.identity).collect()
+}
+
+#[test]
+fn a_survey_is_known_by_the_same_however_its_log_goes_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let of = |flights: &[_], until_s| identities(folder.path(), flights, until_s);
+    let first = (110, OperatorVerb::Start, 410.0);
+    let once = of(&[first], 200);
+    assert_eq!((once.len(), once[0].len()), (1, 64));
+    let gaps = (300, OperatorVerb::FlyGaps, 411.5);
+    let again = (1_000, OperatorVerb::Start, 410.0);
+    assert_eq!(of(&[first], 2_000), once, "the service idles");
+    assert_eq!(of(&[first, gaps], 2_000), once, "gaps are flown");
+    let twice = of(&[first, gaps, again], 2_000);
+    assert_eq!((twice.len(), &twice[0]), (2, &once[0]), "another survey is flown");
+    // It is another one, though it comes to the same.
+    assert_ne!(twice[1], once[0]);
+    assert_eq!(of(&[first, again], 2_000)[1], twice[1], "without gaps before it");
+    let later = (111, OperatorVerb::Start, 410.0);
+    assert_ne!(of(&[later], 200), once, "of another log");
+}
+
+#[test]
+fn what_was_said_before_a_start_stands_with_the_survey_that_it_began() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut script = Script::begin(folder.path());
+    let say = |script: &mut Script, s: i64, verb: OperatorVerb, by: &str| {
+        script.recorder.declared(at(s), &Declaration { verb, by: by.to_owned() });
+    };
+    say(&mut script, 110, OperatorVerb::Start, "Kim");
+    // Something else reaches the brain before the wish does.
+    script.recorder.event(at(110), &Event::Ticked(at(110)));
+    script.fly(110, OperatorVerb::Start);
+    script.end(200, 410.0);
+    say(&mut script, 300, OperatorVerb::FlyGaps, "Lee");
+    script.fly(300, OperatorVerb::FlyGaps);
+    script.end(350, 411.5);
+    // One that the mission refused, and then a start by the ground station.
+    say(&mut script, 900, OperatorVerb::Start, "Kim");
+    script.fly(1_000, OperatorVerb::Start);
+    script.end(1_100, 95.0);
+    let log = script.close();
+    let said: Vec<Vec<(Stamp<Mono>, String)>> = read_surveys(&log)
+        .unwrap()
+        .surveys
+        .into_iter()
+        .map(|survey| survey.declarations.into_iter().map(|(at, said)| (at, said.by)).collect())
+        .collect();
+    let expected = [(at(110), "Kim".to_owned()), (at(300), "Lee".to_owned())];
+    assert_eq!(said, [expected.to_vec(), Vec::new()]);
 }

@@ -223,7 +223,7 @@ pub(in crate::record) struct CommandOutcomeTwin {
 }
 
 /// What a named person said before a start from the page; all of it, or there was no start.
-#[derive(Serialize, JsonSchema)]
+#[derive(Serialize, Deserialize, JsonSchema)]
 #[expect(clippy::struct_excessive_bools, reason = "four things that are said one by one")]
 pub(in crate::record) struct DeclaredTwin {
     /// When it was said, ns.
@@ -254,6 +254,11 @@ impl DeclaredTwin {
             hall_as_before: true,
             no_dust_zone: true,
         }
+    }
+
+    /// When it was said, and by whom.
+    pub(in crate::record) fn said(self) -> (Stamp<Mono>, Declaration) {
+        (Stamp::from_nanos(self.at_ns), Declaration { verb: self.verb, by: self.by })
     }
 }
 

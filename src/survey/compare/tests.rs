@@ -43,7 +43,7 @@ fn survey(toml: &str, volumes_m3: [f64; 2]) -> Survey {
     let [gravel, sand] = volumes_m3;
     let accounts =
         vec![account("hall", gravel + sand), account("gravel", gravel), account("sand", sand)];
-    Survey { path, config, accounts, surface: None, is_final: true }
+    Survey { path, config, place: SurveyPlace::default(), accounts, surface: None, is_final: true }
 }
 
 fn toml() -> String {

@@ -3,6 +3,7 @@
 const WAIT_MS = 4000;
 const SHOWN_MS = 8000;
 const NAMES = { start: 'START', 'fly-gaps': 'START INTO THE GAPS', hold: 'HOLD', resume: 'RESUME', return: 'RETURN', land: 'LAND HERE' };
+const NAME_KEY = 'stockpilot.name';
 const $ = (id) => document.getElementById(id);
 
 let token = null;
@@ -165,9 +166,18 @@ function showReview(state, isOpen) {
   if (!isOpen) tell($('review-answer'), 'unknown', 'Unlock the controls to decide.');
 }
 
+/** The name that was typed last in this browser. One that keeps nothing is asked every time. */
+const keptName = () => { try { return localStorage.getItem(NAME_KEY) ?? ''; } catch { return ''; } };
+function keepName(name) {
+  try { localStorage.setItem(NAME_KEY, name); } catch { /* asked again next time */ }
+}
+
 async function decide(verdict) {
-  const { status, answer } = await ask('/api/review', { verdict, remark: $('remark').value });
+  const by = $('decided-by').value.trim();
+  const { status, answer } = await ask('/api/review', { verdict, remark: $('remark').value, by: by || null });
   if (status === 200) {
+    keepName(by);
+    $('remark').value = '';
     $('review-dialog').close();
     tell($('answer'), 'good', `✓ flight ${verdict}, kept beside its log`);
   } else {
@@ -224,6 +234,7 @@ export function connect() {
       $('preflight-dialog').close();
     }
   });
+  $('decided-by').value = keptName();
   $('open-review').addEventListener('click', () => { $('review-dialog').showModal(); show(newest); });
   $('accept').addEventListener('click', () => decide('accepted'));
   $('reject').addEventListener('click', () => decide('rejected'));

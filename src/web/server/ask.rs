@@ -114,7 +114,7 @@ impl Declared {
     fn complete(&self, verb: Verb) -> Result<Declaration, &'static str> {
         let said =
             [self.nobody_inside, self.remote_in_hand, self.hall_as_before, self.no_dust_zone];
-        let by: String = self.by.split_whitespace().collect::<Vec<_>>().join(" ");
+        let by = as_one_line(&self.by);
         if said.contains(&false) {
             Err("say all four things first")
         } else if by.is_empty() || by.chars().count() > LONGEST_NAME {
@@ -123,6 +123,11 @@ impl Declared {
             Ok(Declaration { verb: verb.into(), by })
         }
     }
+}
+
+/// A name without ends of lines, or spaces more than one at a time.
+fn as_one_line(name: &str) -> String {
+    name.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
 /// What became of a wish.
@@ -148,6 +153,14 @@ pub(in crate::web) struct ReviewWish {
     /// Who decides, for the report.
     #[serde(default)]
     by: Option<String>,
+}
+
+impl ReviewWish {
+    /// Who decides; whoever leaves the line empty has given no name.
+    fn decider(&self) -> Option<String> {
+        let name: String = as_one_line(self.by.as_deref()?).chars().take(LONGEST_NAME).collect();
+        (!name.is_empty()).then_some(name)
+    }
 }
 
 fn refused(status: StatusCode, reason: impl Into<String>) -> Response {
@@ -248,7 +261,7 @@ pub(super) async fn review(
         verdict: wish.verdict,
         remark: wish.remark.chars().take(LONGEST_REMARK).collect(),
         remarks: picture.review.remarks,
-        decided_by: wish.by.map(|name| name.chars().take(LONGEST_NAME).collect()),
+        decided_by: wish.decider(),
         decided_utc: jiff::Timestamp::now().to_string(),
     };
     if let Err(error) = shared.review.append(&decision) {
@@ -258,4 +271,19 @@ pub(super) async fn review(
     tracing::info!(verdict = ?wish.verdict, "a person decided on the flight");
     shared.collector().decide(wish.verdict);
     Json(Answer { is_accepted: true, phase: None, reason: None }).into_response()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_decision_has_the_name_that_was_typed_or_none() {
+        let by = |json: &str| serde_json::from_str::<ReviewWish>(json).unwrap().decider();
+        assert_eq!(by(r#"{"verdict":"rejected","by":"  Zoë\n Doe "}"#).as_deref(), Some("Zoë Doe"));
+        assert_eq!(by(r#"{"verdict":"accepted","by":"  "}"#), None);
+        assert_eq!(by(r#"{"verdict":"accepted"}"#), None);
+        let long = format!(r#"{{"verdict":"accepted","by":"{}"}}"#, "é".repeat(81));
+        assert_eq!(by(&long).unwrap(), "é".repeat(80));
+    }
 }
