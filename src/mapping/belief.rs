@@ -13,7 +13,7 @@
 //!   the lattice, whose mean height differs by `s` from what the nodes around say
 //! - `p`: patches of nodes around which most is unseen, which are off as a whole ([`super::unseen_patch`]):
 //!   `S_p = Σ u_j σ (1 − r(d_j))`, `u_j = (w_j − A_j)₊`, with the correlation r over the distance `d_j` to seen
-//!   ground, which meets the σ of the map's own cells there
+//!   ground
 //! - `c`: what no flight changes (calibration, base), m⁶
 //!
 //! Checked: `coarse_variance_matches_dense_algebra`.
@@ -24,7 +24,7 @@ use super::matern_field::{FieldError, Functional, Information, Lattice, Prior, R
 use super::matern_kernel::matern_of;
 use super::region::Region;
 use super::surface_work::SolveSurface;
-use super::unseen_patch;
+use super::unseen_patch::{UnseenGround, VarBesideSeen};
 use crate::messages::GridGeometry;
 use crate::time::{Mono, Stamp};
 use nalgebra::{Matrix3, Matrix6, SMatrix, Vector3};
@@ -40,8 +40,8 @@ pub struct CoarseField {
     sub_var_m2: f64,
     /// s²: variance of the mean height of a hole as large as a cell of the lattice, given its corners, m².
     hole_var_m2: f64,
-    /// Variance of unseen ground, m², by its steps to seen ground; the last holds from there on.
-    var_by_steps_m2: Vec<f64>,
+    /// How uncertain patches of unseen ground are; `None` if they are not off as a whole.
+    var_beside: Option<VarBesideSeen>,
     /// Information per area that halves the variance of a hidden cell of the lattice, 1/m⁴.
     doubt_info_per_area: f64,
     /// Cells of the map.
@@ -105,8 +105,6 @@ const SUB_VAR_SHARE: f64 = 0.01;
 const HIDDEN_SIGMA_SHARE: f64 = 0.5;
 /// A node of whose area more than this is unseen belongs to a patch of unseen ground.
 const UNSEEN_SHARE: f64 = 0.5;
-/// Farther from seen ground, in steps of the lattice, nothing is known anyway.
-const MOST_STEPS: u32 = 12;
 /// Errors of the pose stay the same for about this long.
 const WINDOW: Duration = Duration::from_secs(1);
 
@@ -144,13 +142,17 @@ impl CoarseField {
             sub_var_m2: SUB_VAR_SHARE * prior.sigma_m.powi(2),
             doubt_info_per_area: 1.0 / (HIDDEN_SIGMA_SHARE * prior.sigma_m * spacing_m).powi(2),
             hole_var_m2: hole_var_share(&prior, spacing_m) * prior.sigma_m.powi(2),
-            var_by_steps_m2: (0..=MOST_STEPS)
-                .map(|steps| var_beside_seen_m2(&prior, f64::from(steps) * spacing_m))
-                .collect(),
+            var_beside: Some(VarBesideSeen::new(&prior, spacing_m)),
             prior,
             fine,
             area_m2,
         })
+    }
+
+    /// The same for accounts that do not know of patches: those of the paper's grid.
+    #[must_use]
+    pub fn without_patches(self) -> Self {
+        Self { var_beside: None, ..self }
     }
 
     /// The nodes.
@@ -299,16 +301,18 @@ impl CoarseField {
     }
 
     fn patches_m6(&self, unseen_m2: &[f64], q: &[f64]) -> f64 {
+        let Some(var_beside) = &self.var_beside else { return 0.0 };
         let lattice = self.lattice();
-        let is_unseen: Vec<bool> = std::iter::zip(unseen_m2, self.functional.weights())
-            .map(|(unseen, whole)| *unseen > UNSEEN_SHARE * whole && *whole > 0.0)
-            .collect();
-        let var_m2: Vec<f64> = unseen_patch::steps_to_seen(lattice, &is_unseen)
-            .map(|steps| self.var_by_steps_m2[steps.min(self.var_by_steps_m2.len() - 1)])
-            .collect();
-        let patches = unseen_patch::patches(lattice, &is_unseen);
+        let (is_unseen, is_seen): (Vec<bool>, Vec<bool>) =
+            std::iter::zip(unseen_m2, self.functional.weights())
+                .map(|(unseen, whole)| {
+                    let is_unseen = *unseen > UNSEEN_SHARE * whole;
+                    (is_unseen && *whole > 0.0, !is_unseen && *whole > 0.0)
+                })
+                .unzip();
+        let unseen = UnseenGround::new(lattice, &is_unseen, var_beside.on(lattice, &is_seen));
         let areas_m2: Vec<f64> = unseen_m2.iter().map(|area_m2| area_m2.max(0.0)).collect();
-        unseen_patch::shared_var_m6(&patches, &areas_m2, &var_m2, q)
+        unseen.surplus_m6(&areas_m2, q).iter().sum()
     }
 
     fn holes_m6(&self, unseen_m2: &[f64]) -> f64 {
@@ -378,12 +382,6 @@ pub fn height_and_tilt_cov(pose_cov: &Matrix6<f64>, hall_from_body: &Matrix3<f64
     by.fixed_view_mut::<1, 3>(1, 3).copy_from(&hall_from_body.row(0));
     by.fixed_view_mut::<1, 3>(2, 3).copy_from(&hall_from_body.row(1));
     by * pose_cov * by.transpose()
-}
-
-/// Variance of ground at this distance from seen ground that may lie all around, m².
-fn var_beside_seen_m2(prior: &Prior, distance_m: f64) -> f64 {
-    let correlation = matern_of(1.0, prior.kappa_per_m() * distance_m);
-    (prior.sigma_m * (1.0 - correlation)).powi(2)
 }
 
 /// Variance of the field in the middle of a square whose corners are known, over σ²; half of that for

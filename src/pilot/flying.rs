@@ -386,13 +386,24 @@ impl Pilot {
     pub(super) fn publish_odometry(&mut self, actions: &mut Vec<Action>) {
         if let Some(belief) = self.new_belief() {
             self.published_at = Some(belief.at);
-            let is_late = self.sample_lag.is_late() || Some(belief.at) <= self.sight.told_until();
-            let told = if is_late { carried_on(belief, self.now) } else { belief };
+            let told = self.of_now(belief);
             self.sight.note_told(&told);
             actions.push(Action::PublishOdometry(Box::new(told)));
         } else if let Some(told) = self.told_by_sight() {
             self.sight.note_told(&told);
             actions.push(Action::PublishSight(Box::new(told)));
+        }
+    }
+
+    /// A late belief carried on to now; one that is in time again only past what was told already.
+    fn of_now(&self, belief: NavEstimate) -> NavEstimate {
+        let after_told = self.sight.told_until().map(|told| told.plus(Duration::from_millis(1)));
+        if self.sample_lag.is_late() {
+            carried_on(belief, self.now)
+        } else if let Some(after_told) = after_told.filter(|after_told| belief.at < *after_told) {
+            carried_on(belief, after_told)
+        } else {
+            belief
         }
     }
 
@@ -406,14 +417,15 @@ impl Pilot {
 
     /// Keeps what a frame shows by itself, as soon as it may be needed.
     pub(super) fn look_by_sight(&mut self, frame: &TagDetections) {
-        if !self.samples_end_before(LOOKED_AFTER) || !self.sight.is_followed(self.now) {
+        if !self.goes_by_sight(LOOKED_AFTER) {
             return;
         }
         let by_filter = || {
             let pose = self.localizer.pose()?;
             Some(pose.rotation.inverse().quaternion() * -Vector3::z())
         };
-        let down_body = self.sight.down_body(self.now).or_else(by_filter);
+        let by_sight = self.sight.down_body(frame.camera, self.now, ODOMETRY_OLD_AFTER);
+        let down_body = by_sight.or_else(by_filter);
         if let Some(fix) = down_body.and_then(|down| self.localizer.pose_by_sight(frame, &down)) {
             self.sight.take(frame.captured_at, frame.camera, fix);
         }
@@ -421,15 +433,20 @@ impl Pilot {
 
     /// What frames show, while only they say where the vehicle is, to an autopilot that goes by it.
     fn told_by_sight(&mut self) -> Option<NavEstimate> {
-        if !self.samples_end_before(ODOMETRY_OLD_AFTER) || !self.sight.is_followed(self.now) {
+        if !self.goes_by_sight(ODOMETRY_OLD_AFTER) {
             return None;
         }
-        let told = self.sight.tell(self.now, ODOMETRY_OLD_AFTER, self.reset_counter);
+        let most_sigma_m = self.settings.localization.lost_sigma_m;
+        let told = self.sight.tell(self.now, ODOMETRY_OLD_AFTER, most_sigma_m, self.reset_counter);
         told.filter(NavEstimate::is_finite)
     }
 
-    fn samples_end_before(&self, age: Duration) -> bool {
-        self.localizer.last_sample_at().is_some_and(|at| self.now.since(at) >= age)
+    /// True in flight, while the samples are older than this and the autopilot goes by a place from here.
+    fn goes_by_sight(&self, age: Duration) -> bool {
+        let is_old = |at| self.now.since(at) >= age;
+        self.vehicle.is_some_and(|vehicle| vehicle.is_armed)
+            && self.sight.is_followed(self.now)
+            && self.localizer.last_sample_at().is_some_and(is_old)
     }
 
     /// The belief, if it can be flown on.

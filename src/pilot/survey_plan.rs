@@ -371,7 +371,7 @@ impl SurveyPlan {
 /// as often as too high; a plan for too small a target goes into corners that nobody needs, and one
 /// for too large a target is only made longer by the next.
 fn likely_most_m3(estimate: &VolumeEstimate) -> f64 {
-    estimate.volume_m3.max(0.0) + estimate.sigma_m3
+    estimate.volume_m3.abs() + estimate.sigma_m3
 }
 
 /// Variance of the volume that no flight changes: calibration, markers, base. The density concerns

@@ -220,6 +220,7 @@ fn actions() -> Vec<Action> {
     vec![
         Action::Steer(setpoint),
         Action::PublishOdometry(Box::new(nav())),
+        Action::PublishSight(Box::new(nav())),
         Action::Command(VehicleCommand::EnterLand),
         Action::ReportVolume(report),
         Action::Say(StatusText { severity: Severity::Warning, text: "battery \"low\"".into() }),
