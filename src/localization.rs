@@ -25,6 +25,6 @@ mod propagation;
 mod start;
 mod tag_health;
 
-pub use localizer::{Health, Localizer, Settings, Update};
+pub use localizer::{Health, Localizer, MANOEUVRE_MPS2, PLAUSIBLE_SPEED_MPS, Settings, Update};
 pub use place_errors::PlaceErrors;
 pub use start::PadPose;

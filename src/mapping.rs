@@ -43,6 +43,7 @@ pub mod sparse_gp;
 pub mod statement;
 pub mod surveyed_base;
 pub mod triangulated_base;
+pub mod unseen_patch;
 pub mod volume;
 
 mod mapper;

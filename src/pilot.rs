@@ -20,8 +20,10 @@ mod outlook;
 mod plan_news;
 mod route;
 mod sample_lag;
+mod sight;
 mod storage_news;
 mod survey_plan;
+mod waiting_frames;
 mod work;
 
 pub use event::{Action, Event, FlightSummary, JobId, PhaseChange, PlanChoice, VolumeReport};
@@ -35,7 +37,7 @@ use crate::localization::{self, Localizer};
 use crate::mapping::{self, Mapper};
 use crate::messages::{
     AutopilotPose, BatterySample, LandedState, NavEstimate, Scan, ScanCorrection, Severity,
-    StatusText, StorageState, VehicleState, VolumeAccount,
+    StatusText, StorageState, VehicleState, Verdict, VolumeAccount,
 };
 use crate::mission::{self, EnergyGauge, Mission, Phase};
 use crate::planning;
@@ -47,9 +49,11 @@ use nalgebra::Vector3;
 use plan_news::PlanNews;
 use route::Route;
 use sample_lag::SampleLag;
+use sight::Sight;
 use std::collections::VecDeque;
 use std::time::Duration;
 use survey_plan::SurveyPlan;
+use waiting_frames::WaitingFrames;
 
 /// How often the brain wants [`Event::Ticked`], Hz. Odd ticks steer, even ones publish odometry.
 pub const TICK_RATE_HZ: u32 = 60;
@@ -74,7 +78,7 @@ pub struct Settings {
 }
 
 /// Scans wait at most this long for the pose at their end, and for the frames that shape it.
-const SCAN_PATIENCE: Duration = Duration::from_millis(300);
+const SCAN_PATIENCE: Duration = waiting_frames::PATIENCE;
 
 /// The brain.
 #[derive(Debug, Clone)]
@@ -104,8 +108,11 @@ pub struct Pilot {
     /// The instant of the newest place that the autopilot got.
     published_at: Option<Stamp<Mono>>,
     sample_lag: SampleLag,
+    /// Where the vehicle is by frames alone, while the belief is too old.
+    sight: Sight,
     /// Scans whose pose can still change: see [`Self::map_waiting_scans`].
     waiting_scans: VecDeque<Scan>,
+    waiting_frames: WaitingFrames,
     frames: FrameWatch,
     jobs: Jobs,
     /// The newest volumes: of the whole region, then of its bays.
@@ -170,6 +177,7 @@ impl Pilot {
             mapper,
             mission: Mission::new(settings.mission),
             route: Route::new(plan),
+            waiting_frames: WaitingFrames::default(),
             frames: FrameWatch::new(settings.localization.cameras.len()),
             settings,
             now: Stamp::ZERO,
@@ -182,6 +190,7 @@ impl Pilot {
             strayed_m: None,
             reset_counter: 0,
             sample_lag: SampleLag::default(),
+            sight: Sight::default(),
             last_turn_at: None,
             last_beam_at: None,
             published_at: None,
@@ -208,6 +217,7 @@ impl Pilot {
                 if intake::believes_imu(&imu, self.now) {
                     self.localizer.on_imu(imu);
                     self.tell_of_localizer(actions);
+                    self.take_frames(actions);
                     self.map_waiting_scans();
                 }
             }
@@ -225,17 +235,19 @@ impl Pilot {
                 self.map_waiting_scans();
             }
             Event::TagsSeen(frame) => {
-                let refusal = intake::refusal_of_frame(&frame, self.now);
-                let record = refusal.unwrap_or_else(|| self.localizer.on_tags(&frame));
-                self.frames.note(&frame, record.verdict);
-                actions.push(Action::FixTreated(Box::new(record)));
-                self.tell_of_localizer(actions);
-                self.map_waiting_scans();
+                if intake::refusal_of_frame(&frame, self.now).is_none() {
+                    self.look_by_sight(&frame);
+                }
+                self.waiting_frames.push(frame);
+                self.take_frames(actions);
             }
             Event::Vehicle(vehicle) => {
                 self.vehicle = Some(vehicle);
                 self.is_autopilot_lost = false;
                 self.localizer.set_on_ground(intake::is_on_ground(&vehicle));
+                if !vehicle.is_armed {
+                    self.sight.forget_told();
+                }
                 // The pilot's switch must not wait for the next tick.
                 self.run_mission(actions);
             }
@@ -262,6 +274,7 @@ impl Pilot {
             }
             Event::AutopilotRebooted(_) => {
                 // Its map began anew with the next position that it takes from here.
+                self.sight.forget_told();
                 say(actions, Severity::Critical, "the autopilot has restarted".to_owned());
                 self.run_mission(actions);
             }
@@ -329,6 +342,7 @@ impl Pilot {
     fn on_tick(&mut self, now: Stamp<Mono>, actions: &mut Vec<Action>) {
         self.now = now;
         self.n_ticks += 1;
+        self.take_frames(actions);
         self.map_waiting_scans();
         self.route.advance(now);
         self.follow_vehicle();
@@ -349,6 +363,24 @@ impl Pilot {
         if now.since(self.last_report_at) >= self.settings.report_interval {
             self.last_report_at = now;
             self.report(false, actions);
+        }
+    }
+
+    /// Takes in the frames that the inertial samples have reached, and writes down those that waited in vain.
+    fn take_frames(&mut self, actions: &mut Vec<Action>) {
+        while let Some(frame) = self.waiting_frames.pop(self.now, &self.localizer) {
+            let refusal = intake::refusal_of_frame(&frame, self.now);
+            let record = refusal.unwrap_or_else(|| {
+                if self.localizer.can_take(frame.captured_at) {
+                    self.localizer.on_tags(&frame)
+                } else {
+                    intake::refused_frame(&frame, Verdict::FromTheFuture)
+                }
+            });
+            self.frames.note(&frame, record.verdict);
+            actions.push(Action::FixTreated(Box::new(record)));
+            self.tell_of_localizer(actions);
+            self.map_waiting_scans();
         }
     }
 

@@ -7,11 +7,11 @@ use arbitrary::{Result, Unstructured};
 use libfuzzer_sys::fuzz_target;
 use nalgebra::Vector3;
 use std::time::Duration;
-use stockpilot::geometry::{Direction, Point};
+use stockpilot::geometry::{Body, Direction, Hall, Point, Rotation};
 use stockpilot::messages::{
     AutopilotPose, BatterySample, Beam, CameraId, CommandOutcome, FlightMode, ImuSample,
-    LandedState, OperatorCommand, OperatorRequest, OperatorVerb, Scan, TagDetection, TagFamily, TakeOff,
-    VehicleCommand, VehicleState,
+    LandedState, OperatorCommand, OperatorRequest, OperatorVerb, Room, Scan, StorageState, TagDetection,
+    TagFamily, TakeOff, VehicleCommand, VehicleState,
 };
 use stockpilot::pilot::Event;
 use stockpilot::time::{Mono, Stamp};
@@ -124,12 +124,13 @@ fn event(u: &mut Unstructured<'_>, now: Stamp<Mono>) -> Result<Event> {
             at,
             position: Point::from_coords(vector(u)?),
             velocity_mps: Direction::from_coords(vector(u)?),
-            hall_from_body_rot: None,
+            hall_from_body_rot: attitude(u)?,
         }),
         8 => Event::Operator(OperatorCommand {
             at,
             verb: *u.choose(&[
                 OperatorVerb::Start,
+                OperatorVerb::FlyGaps,
                 OperatorVerb::Hold,
                 OperatorVerb::Resume,
                 OperatorVerb::Return,
@@ -137,14 +138,25 @@ fn event(u: &mut Unstructured<'_>, now: Stamp<Mono>) -> Result<Event> {
             ])?,
             from: OperatorRequest { system: u.arbitrary()?, component: u.arbitrary()? },
         }),
-        _ => match u.int_in_range(0..=1)? {
+        _ => match u.int_in_range(0..=3)? {
             0 => Event::AutopilotLost(at),
+            1 => Event::AutopilotRebooted(at),
+            2 => Event::StorageLooked(StorageState {
+                at,
+                room: *u.choose(&[Room::Enough, Room::Low, Room::TooLittle])?,
+                free_bytes: u.arbitrary()?,
+                survey_bytes: u.arbitrary()?,
+                records_lost: u.arbitrary()?,
+                has_log_failed: u.arbitrary()?,
+            }),
             _ => Event::CommandAnswered(CommandOutcome {
                 at,
                 command: *u.choose(&[
                     VehicleCommand::Arm,
+                    VehicleCommand::Disarm,
                     VehicleCommand::EnterCompanionMode,
                     VehicleCommand::TakeOff,
+                    VehicleCommand::EnterHold,
                     VehicleCommand::EnterLand,
                 ])?,
                 is_accepted: u.arbitrary()?,
@@ -188,4 +200,9 @@ fn number(u: &mut Unstructured<'_>) -> Result<f64> {
 
 fn vector(u: &mut Unstructured<'_>) -> Result<Vector3<f64>> {
     Ok(Vector3::new(number(u)?, number(u)?, number(u)?))
+}
+
+fn attitude(u: &mut Unstructured<'_>) -> Result<Option<Rotation<Hall, Body>>> {
+    let [w, x, y, z] = [number(u)?, number(u)?, number(u)?, number(u)?];
+    Ok(Rotation::from_wxyz(w, x, y, z))
 }

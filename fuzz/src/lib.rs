@@ -101,7 +101,7 @@ pub fn frame_at(height_m: f64, captured_at: Stamp<Mono>) -> TagDetections {
 }
 
 fn assert_finite(action: &Action) {
-    if matches!(action, Action::Steer(_) | Action::PublishOdometry(_) | Action::ReportVolume(_)) {
+    if matches!(action, Action::Steer(_) | Action::PublishOdometry(_) | Action::PublishSight(_) | Action::ReportVolume(_)) {
         let text = format!("{action:?}");
         let mut words = text.split(|c: char| !c.is_alphanumeric());
         assert!(!words.any(|word| matches!(word, "NaN" | "inf")), "{text}");

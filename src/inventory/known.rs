@@ -47,9 +47,18 @@ pub(super) fn find(
     if known.is_some() {
         return Ok(known);
     }
+    // All of them are compared before any is found unclear: a log that had grown may be there twice.
+    let mut unclear = Vec::new();
     for unnamed in unnamed(change, new)? {
-        if is_this(change, &unnamed, new)? {
+        let held = accounts(change, &unnamed.id)?;
+        if are_same(&held, &new.read.accounts) {
             return Ok(Some(unnamed));
+        }
+        unclear.push((unnamed.id, held));
+    }
+    for (id, held) in unclear {
+        if !is_another(&held, new)? {
+            return Err(InventoryError::Unclear { path: new.log.to_owned(), id });
         }
     }
     Ok(None)
@@ -70,22 +79,14 @@ fn unnamed(
     Ok(query.query_map(times, KnownSurvey::from_row)?.collect::<Result<_, _>>()?)
 }
 
-/// True if this is the survey of the log that came to the same volumes, to the last bit.
-fn is_this(
-    change: &Transaction<'_>,
-    unnamed: &KnownSurvey,
-    new: &NewSurvey<'_>,
-) -> Result<bool, InventoryError> {
-    let held = accounts(change, &unnamed.id)?;
-    if are_same(&held, &new.read.accounts) {
-        return Ok(true);
-    }
+/// True if these are the volumes of another survey of the log, to the last bit.
+fn is_another(held: &[VolumeAccount], new: &NewSurvey<'_>) -> Result<bool, InventoryError> {
     for number in 1..=new.read.place.n_in_log {
-        if are_same(&held, &read_accounts_of(new.log, Some(number))?.accounts) {
-            return Ok(false);
+        if are_same(held, &read_accounts_of(new.log, Some(number))?.accounts) {
+            return Ok(true);
         }
     }
-    Err(InventoryError::Unclear { path: new.log.to_owned(), id: unnamed.id.clone() })
+    Ok(false)
 }
 
 impl KnownSurvey {

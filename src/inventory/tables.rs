@@ -4,7 +4,7 @@ use super::InventoryError;
 use rusqlite::{Connection, TransactionBehavior};
 
 /// The form of the tables, kept in the file's `user_version`.
-const VERSION: i64 = 3;
+const VERSION: i64 = 4;
 
 const SURVEY: &str = "
     CREATE TABLE survey (
@@ -79,6 +79,15 @@ const FROM_2: &str = "
     DROP TABLE survey_old;
 ";
 
+/// Version 3 had no decisions at first.
+const FROM_3: &str = "
+    INSERT INTO survey
+        SELECT id, hall_id, identity, log_sha256, number, log_path, started_utc, newest_at_ns, version, build,
+            config_toml, independent, NULL
+        FROM survey_old ORDER BY rowid;
+    DROP TABLE survey_old;
+";
+
 /// Makes the tables, or brings them to this program's form, in one transaction.
 ///
 /// # Errors
@@ -93,7 +102,10 @@ pub(super) fn bring_up(database: &mut Connection) -> Result<(), InventoryError> 
         0 => begun.execute_batch(&[SURVEY, OTHERS, REPLACED].concat())?,
         1 => begun.execute_batch(&[SET_ASIDE, SURVEY, FROM_1, REPLACED].concat())?,
         2 => begun.execute_batch(&[SET_ASIDE, SURVEY, FROM_2, REPLACED].concat())?,
-        VERSION => {}
+        3 if !has_decisions(&begun)? => {
+            begun.execute_batch(&[SET_ASIDE, SURVEY, FROM_3].concat())?
+        }
+        3 | VERSION => {}
         _ => return Err(InventoryError::Version { found, known: VERSION }),
     }
     if found != VERSION {
@@ -102,6 +114,11 @@ pub(super) fn bring_up(database: &mut Connection) -> Result<(), InventoryError> 
     begun.commit()?;
     database.pragma_update(None, "legacy_alter_table", false)?;
     Ok(database.pragma_update(None, "foreign_keys", true)?)
+}
+
+fn has_decisions(database: &Connection) -> Result<bool, InventoryError> {
+    let sql = "SELECT COUNT(*) FROM pragma_table_info('survey') WHERE name = 'decision'";
+    Ok(database.query_row(sql, [], |row| row.get::<_, i64>(0))? > 0)
 }
 
 #[cfg(test)]
@@ -205,5 +222,31 @@ mod tests {
                 ("survey-1-2".to_owned(), Some(2), Some("T".to_owned()), "base".to_owned())
             ]
         );
+    }
+
+    #[test]
+    fn books_of_the_third_program_have_room_for_decisions() {
+        let mut database = Connection::open_in_memory().unwrap();
+        let third = SURVEY.replace("        decision TEXT,\n", "");
+        database.execute_batch(&[&third, OTHERS, REPLACED].concat()).unwrap();
+        database
+            .execute_batch(
+                "INSERT INTO hall VALUES ('hall-1', 'Nord');
+                 INSERT INTO survey VALUES ('survey-1', 'hall-1', 'i', 'abc', 2, '/a.mcap', 'T', 7, '0.1', 'b', '',
+                     'base');
+                 PRAGMA user_version = 3;",
+            )
+            .unwrap();
+        bring_up(&mut database).unwrap();
+        let (identity, number, decision) = database
+            .query_row("SELECT identity, number, decision FROM survey", [], |row| {
+                Ok((row.get(0)?, row.get(1)?, row.get(2)?))
+            })
+            .map(|row: (String, i64, Option<String>)| row)
+            .unwrap();
+        assert_eq!((identity.as_str(), number, decision), ("i", 2, None));
+        // Those of its second day had it.
+        database.pragma_update(None, "user_version", 3).unwrap();
+        bring_up(&mut database).unwrap();
     }
 }

@@ -21,6 +21,7 @@ use crate::messages::{
 use crate::stats::chi2_gate_99;
 use crate::time::{Mono, Stamp};
 use frames::GatedStreak;
+pub use frames::{MANOEUVRE_MPS2, PLAUSIBLE_SPEED_MPS};
 use nalgebra::Matrix6;
 use std::sync::Arc;
 use std::time::Duration;
@@ -333,6 +334,13 @@ impl Localizer {
         let Some((camera_idx, tags)) = &self.last_fused_tags else { return Vec::new() };
         let Some(camera) = self.cameras.get(*camera_idx) else { return Vec::new() };
         vision_fix::tag_sensitivity(camera, &self.settings.marker_map, tags, hall_from_body)
+    }
+
+    /// False while inertial samples have yet to say how the vehicle came to be where a frame of this
+    /// instant sees it.
+    #[must_use]
+    pub fn can_take(&self, captured_at: Stamp<Mono>) -> bool {
+        self.ring.as_ref().is_none_or(|ring| captured_at <= ring.covered_until())
     }
 
     /// The newest instant with a known pose.

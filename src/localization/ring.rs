@@ -206,7 +206,8 @@ impl Ring {
 
     /// How far the newest inertial sample carries. Frames do not move this on: without samples
     /// nothing says how the vehicle moves.
-    fn covered_until(&self) -> Stamp<Mono> {
+    #[must_use]
+    pub fn covered_until(&self) -> Stamp<Mono> {
         let is_imu = |entry: &&Entry| matches!(entry.input, Input::Imu(_));
         // A ring is made with a sample, and the newest one is never dropped before others.
         let last = self.entries.iter().rev().find(is_imu);

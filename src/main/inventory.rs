@@ -127,8 +127,19 @@ fn add(
     logs: &[PathBuf],
     options: &AddOptions,
 ) -> anyhow::Result<()> {
+    let mut n_failed = 0;
     for log in logs {
-        let (id, place, what) = match books.add(hall, log, options)? {
+        let added = match books.add(hall, log, options) {
+            Ok(added) => added,
+            // The others are no worse for it.
+            Err(error) if logs.len() > 1 => {
+                tracing::error!(log = %log.display(), "not added: {error}");
+                n_failed += 1;
+                continue;
+            }
+            Err(error) => return Err(error.into()),
+        };
+        let (id, place, what) = match added {
             Added::New { id, place } => (id, place, "added"),
             Added::Known { id, place } => (id, place, "there already"),
             Added::Updated { id, place } => (id, place, "more was flown: brought up to date"),
@@ -136,6 +147,7 @@ fn add(
         logs::tell_others(&place, "--flight");
         println!("{}: {what} as {id}", log.display());
     }
+    anyhow::ensure!(n_failed == 0, "{n_failed} of {} logs were not added", logs.len());
     Ok(())
 }
 

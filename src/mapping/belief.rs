@@ -3,7 +3,7 @@
 //!
 //! ```text
 //! Q = Q0 + Σ_seen a aᵀ ι dA,   q = Q⁻¹ w
-//! (σ^V)² = wᵀ q + Σ_k s_kᵀ P_k s_k + Σ_j s² (w_j − A_j)₊² + c
+//! (σ^V)² = wᵀ q + Σ_k s_kᵀ P_k s_k + Σ_j s² (w_j − A_j)₊² + Σ_p (S_p² − Σ_{j∈p} u_j q_j)₊ + c
 //! s_k = Σ_{i∈k} ι_i a_iᵀ q ∂z_i/∂(z, θ_x, θ_y)
 //! ```
 //! - `ι`: information about the coarse field per area that was seen, 1/m⁴: seen ground counts
@@ -11,6 +11,9 @@
 //! - `k`: stretch of a flight over which the pose's error stays the same; `P_k` its covariance
 //! - `A_j`: area seen around node j, m²; what is left of the node's share `w_j` is a hole too small for
 //!   the lattice, whose mean height differs by `s` from what the nodes around say
+//! - `p`: patches of nodes around which most is unseen, which are off as a whole ([`super::unseen_patch`]):
+//!   `S_p = Σ u_j σ (1 − r(d_j))`, `u_j = (w_j − A_j)₊`, with the correlation r over the distance `d_j` to seen
+//!   ground
 //! - `c`: what no flight changes (calibration, base), m⁶
 //!
 //! Checked: `coarse_variance_matches_dense_algebra`.
@@ -21,6 +24,7 @@ use super::matern_field::{FieldError, Functional, Information, Lattice, Prior, R
 use super::matern_kernel::matern_of;
 use super::region::Region;
 use super::surface_work::SolveSurface;
+use super::unseen_patch::{UnseenGround, VarBesideSeen};
 use crate::messages::GridGeometry;
 use crate::time::{Mono, Stamp};
 use nalgebra::{Matrix3, Matrix6, SMatrix, Vector3};
@@ -36,6 +40,8 @@ pub struct CoarseField {
     sub_var_m2: f64,
     /// s²: variance of the mean height of a hole as large as a cell of the lattice, given its corners, m².
     hole_var_m2: f64,
+    /// How uncertain patches of unseen ground are; `None` if they are not off as a whole.
+    var_beside: Option<VarBesideSeen>,
     /// Information per area that halves the variance of a hidden cell of the lattice, 1/m⁴.
     doubt_info_per_area: f64,
     /// Cells of the map.
@@ -82,6 +88,8 @@ pub struct VolumeVar {
     pub pose_m6: f64,
     /// By holes smaller than the lattice shows, m⁶.
     pub holes_m6: f64,
+    /// By patches of unseen ground that are off as a whole, beyond what the field has for them, m⁶.
+    pub patches_m6: f64,
 }
 
 /// Nodes along the longer side of the region at most.
@@ -95,6 +103,8 @@ const CELLS_PER_RANGE: f64 = 4.0;
 const SUB_VAR_SHARE: f64 = 0.01;
 /// σ of ground that may hide, over σ: there is known ground around it.
 const HIDDEN_SIGMA_SHARE: f64 = 0.5;
+/// A node of whose area more than this is unseen belongs to a patch of unseen ground.
+const UNSEEN_SHARE: f64 = 0.5;
 /// Errors of the pose stay the same for about this long.
 const WINDOW: Duration = Duration::from_secs(1);
 
@@ -132,10 +142,17 @@ impl CoarseField {
             sub_var_m2: SUB_VAR_SHARE * prior.sigma_m.powi(2),
             doubt_info_per_area: 1.0 / (HIDDEN_SIGMA_SHARE * prior.sigma_m * spacing_m).powi(2),
             hole_var_m2: hole_var_share(&prior, spacing_m) * prior.sigma_m.powi(2),
+            var_beside: Some(VarBesideSeen::new(&prior, spacing_m)),
             prior,
             fine,
             area_m2,
         })
+    }
+
+    /// The same for accounts that do not know of patches: those of the paper's grid.
+    #[must_use]
+    pub fn without_patches(self) -> Self {
+        Self { var_beside: None, ..self }
     }
 
     /// The nodes.
@@ -278,7 +295,24 @@ impl CoarseField {
             .flat_map(|part| &part.windows)
             .map(|window| window.volume_var(&given.q))
             .sum();
-        Ok(VolumeVar { field_m6: given.var, pose_m6, holes_m6: self.holes_m6(&unseen_m2) })
+        let (holes_m6, patches_m6) =
+            (self.holes_m6(&unseen_m2), self.patches_m6(&unseen_m2, &given.q));
+        Ok(VolumeVar { field_m6: given.var, pose_m6, holes_m6, patches_m6 })
+    }
+
+    fn patches_m6(&self, unseen_m2: &[f64], q: &[f64]) -> f64 {
+        let Some(var_beside) = &self.var_beside else { return 0.0 };
+        let lattice = self.lattice();
+        let (is_unseen, is_seen): (Vec<bool>, Vec<bool>) =
+            std::iter::zip(unseen_m2, self.functional.weights())
+                .map(|(unseen, whole)| {
+                    let is_unseen = *unseen > UNSEEN_SHARE * whole;
+                    (is_unseen && *whole > 0.0, !is_unseen && *whole > 0.0)
+                })
+                .unzip();
+        let unseen = UnseenGround::new(lattice, &is_unseen, var_beside.on(lattice, &is_seen));
+        let areas_m2: Vec<f64> = unseen_m2.iter().map(|area_m2| area_m2.max(0.0)).collect();
+        unseen.surplus_m6(&areas_m2, q).iter().sum()
     }
 
     fn holes_m6(&self, unseen_m2: &[f64]) -> f64 {
@@ -290,7 +324,7 @@ impl VolumeVar {
     /// (σ^V)², m⁶.
     #[must_use]
     pub fn total_m6(&self) -> f64 {
-        self.field_m6 + self.pose_m6 + self.holes_m6
+        self.field_m6 + self.pose_m6 + self.holes_m6 + self.patches_m6
     }
 }
 

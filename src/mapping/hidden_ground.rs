@@ -21,7 +21,8 @@
 //! - `u`: the ceiling over the node, m ([`super::ray_ceiling`]); `s`: how sharply it is known, m
 //!
 //! All sites are renewed at once, damped; the conditions are log-concave, so τ' is never negative.
-//! A site is uncertain like a datum of variance 1/τ: the budget has it as `hidden_ground`.
+//! A site is uncertain like a datum of variance 1/τ: the budget has it as `hidden_ground`, with what
+//! [`super::unseen_patch`] adds.
 //! Source: Minka 2001; for truncated Gaussians Cunningham, Hennig, Lacoste-Julien 2011.
 //! Checked: `conditions_match_gibbs_sampling`, `a_single_condition_is_the_truncated_normal`.
 

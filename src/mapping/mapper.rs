@@ -373,7 +373,8 @@ impl Mapper {
         let settings = &self.settings;
         let areas_m2 = &self.base().cell_areas_m2;
         let fine = *self.grid().geometry();
-        CoarseField::new(&settings.region, fine, areas_m2, settings.field.prior())
+        let field = CoarseField::new(&settings.region, fine, areas_m2, settings.field.prior())?;
+        Ok(if self.field.is_some() { field } else { field.without_patches() })
     }
 
     /// Everything a solve of the surface needs, as it is now.

@@ -90,7 +90,8 @@ impl Base {
             .filter(|&(cell, _)| holds(cell))
             .map(|(_, area_m2)| area_m2)
             .sum();
-        if total > 0.0 { holding / total } else { 0.0 }
+        // A sum over nothing is −0, which people would read.
+        if holding > 0.0 && total > 0.0 { holding / total } else { 0.0 }
     }
 }
 
@@ -104,6 +105,7 @@ mod tests {
         // 0.25 · 1.5 + 0.125 · 0.5
         assert!((base.volume_m3(&[2.0, 1.0, 9.0]) - 0.4375).abs() < 1e-12);
         assert!((base.area_share(|cell| cell == 0) - 2.0 / 3.0).abs() < 1e-12);
+        assert_eq!(format!("{:.0}", base.area_share(|_| false)), "0");
     }
 
     #[test]

@@ -11,7 +11,7 @@ pub enum BudgetSource {
     Roughness,
     /// Hollows below a cell's size that grazing beams do not see: the share of what may hide there.
     Occlusion,
-    /// Ground that no beam reached, of which only the rays over it are known.
+    /// Ground that no beam reached: what the rays over it leave open, and that it is off as a whole.
     HiddenGround,
     /// The vehicle's pose, correlated along the flight.
     Pose,

@@ -34,7 +34,7 @@ fn equal_pages_give_equal_bytes() {
 fn letters_that_the_typeface_lacks_are_boxes_and_no_failure() {
     let style = Style::regular(10.0, Ink::BLACK);
     let pdf = document(|page| {
-        page.text("塩 salt العربية 🏔 Ä Ж σ", [20.0, 30.0], style, Hold::Right);
+        page.text("塩 salt العربية मُحَمَّد किरण a\u{1ab0} 🏔 Ä Ж σ", [20.0, 30.0], style, Hold::Right);
     });
     assert!(pdf.len() > 1000);
 }

@@ -4,6 +4,7 @@ use super::{PT_PER_MM, PdfError};
 use harfrust::{Direction, Feature, FontRef, ShapeOptions, ShaperData, Tag, UnicodeBuffer};
 use krilla::text::{Font, GlyphId, KrillaGlyph};
 use std::borrow::Cow;
+use std::ops::Range;
 
 const REGULAR: &[u8] = include_bytes!("font/Inter-Regular.otf");
 const SEMI_BOLD: &[u8] = include_bytes!("font/Inter-SemiBold.otf");
@@ -109,20 +110,19 @@ impl Typeface {
 
     fn shaped<'a>(&self, text: &'a str) -> Shaped<'a> {
         let shaped = self.shaped_as_is(Cow::Borrowed(text));
-        let missing: Vec<usize> = shaped
+        // A glyph may stand for several letters, a base and its marks: without it none of them can be drawn.
+        let missing: Vec<Range<usize>> = shaped
             .glyphs
             .iter()
             .filter(|glyph| glyph.glyph_id == GlyphId::new(0))
-            .map(|glyph| glyph.text_range.start)
+            .map(|glyph| glyph.text_range.clone())
             .collect();
         if missing.is_empty() {
             return shaped;
         }
-        let known = text.char_indices().map(
-            |(at, letter)| {
-                if missing.contains(&at) { UNKNOWN } else { letter }
-            },
-        );
+        let known = text.char_indices().map(|(at, letter)| {
+            if missing.iter().any(|range| range.contains(&at)) { UNKNOWN } else { letter }
+        });
         self.shaped_as_is(Cow::Owned(known.collect()))
     }
 

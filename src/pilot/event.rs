@@ -60,6 +60,8 @@ pub enum Action {
     Steer(Setpoint),
     /// Send the own pose to the autopilot (ODOMETRY).
     PublishOdometry(Box<NavEstimate>),
+    /// Send what frames show by themselves to the autopilot (ODOMETRY), while the own pose is not known.
+    PublishSight(Box<NavEstimate>),
     /// Ask something of the autopilot.
     Command(VehicleCommand),
     /// Begin long work beside the brain; it comes back as [`Event::Finished`].

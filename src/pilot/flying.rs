@@ -2,9 +2,10 @@
 
 use super::gap_offer::GapOffer;
 use super::plan_news::PlanNews;
+use super::sight::carried_on;
 use super::{Action, Ending, FlownPath, PhaseChange, Pilot, say};
 use crate::geometry::{Hall, Point};
-use crate::messages::{NavEstimate, OperatorAnswer, OperatorCommand, Severity};
+use crate::messages::{NavEstimate, OperatorAnswer, OperatorCommand, Severity, TagDetections};
 use crate::mission::{Effect, Inputs, Phase};
 use crate::planning::Waypoint;
 use crate::planning::trajectory::Knot;
@@ -34,6 +35,9 @@ const JUMP_FOLLOWED_M: f64 = 0.3;
 const PLACE_OLD_AFTER: Duration = Duration::from_millis(150);
 /// An older place is of no use to the autopilot: its filter looks back no further.
 const ODOMETRY_OLD_AFTER: Duration = Duration::from_millis(300);
+/// Frames are looked at by themselves once samples are this old: two of them take their time, and an
+/// autopilot that hears nothing for 0.4 s stops fusing.
+const LOOKED_AFTER: Duration = Duration::from_millis(150);
 /// Without an inertial sample for this long there are none.
 const SAMPLES_SILENT_AFTER: Duration = Duration::from_secs(1);
 /// Speed of a landing that the autopilot flies, m/s.
@@ -377,14 +381,72 @@ impl Pilot {
         }
     }
 
-    /// A place of the past would be fused as one of now by an autopilot that goes by the arrival.
+    /// Tells the autopilot where the vehicle is. A place of the past would be fused as one of now by an
+    /// autopilot that goes by the arrival, and a stamp that goes back would be dropped.
     pub(super) fn publish_odometry(&mut self, actions: &mut Vec<Action>) {
-        let Some(estimate) = self.trusted_estimate() else { return };
-        let is_new = self.published_at.is_none_or(|last| estimate.at > last);
-        if is_new && self.now.since(estimate.at) < ODOMETRY_OLD_AFTER {
-            self.published_at = Some(estimate.at);
-            actions.push(Action::PublishOdometry(Box::new(estimate)));
+        if let Some(belief) = self.new_belief() {
+            self.published_at = Some(belief.at);
+            let told = self.of_now(belief);
+            self.sight.note_told(&told);
+            actions.push(Action::PublishOdometry(Box::new(told)));
+        } else if let Some(told) = self.told_by_sight() {
+            self.sight.note_told(&told);
+            actions.push(Action::PublishSight(Box::new(told)));
         }
+    }
+
+    /// A late belief carried on to now; one that is in time again only past what was told already.
+    fn of_now(&self, belief: NavEstimate) -> NavEstimate {
+        let after_told = self.sight.told_until().map(|told| told.plus(Duration::from_millis(1)));
+        if self.sample_lag.is_late() {
+            carried_on(belief, self.now)
+        } else if let Some(after_told) = after_told.filter(|after_told| belief.at < *after_told) {
+            carried_on(belief, after_told)
+        } else {
+            belief
+        }
+    }
+
+    /// The belief, if it can be flown on, is not too old, and was not published before.
+    fn new_belief(&self) -> Option<NavEstimate> {
+        self.trusted_estimate().filter(|estimate| {
+            let is_new = self.published_at.is_none_or(|last| estimate.at > last);
+            is_new && self.now.since(estimate.at) < ODOMETRY_OLD_AFTER
+        })
+    }
+
+    /// Keeps what a frame shows by itself, as soon as it may be needed.
+    pub(super) fn look_by_sight(&mut self, frame: &TagDetections) {
+        if !self.goes_by_sight(LOOKED_AFTER) {
+            return;
+        }
+        let by_filter = || {
+            let pose = self.localizer.pose()?;
+            Some(pose.rotation.inverse().quaternion() * -Vector3::z())
+        };
+        let by_sight = self.sight.down_body(frame.camera, self.now, ODOMETRY_OLD_AFTER);
+        let down_body = by_sight.or_else(by_filter);
+        if let Some(fix) = down_body.and_then(|down| self.localizer.pose_by_sight(frame, &down)) {
+            self.sight.take(frame.captured_at, frame.camera, fix);
+        }
+    }
+
+    /// What frames show, while only they say where the vehicle is, to an autopilot that goes by it.
+    fn told_by_sight(&mut self) -> Option<NavEstimate> {
+        if !self.goes_by_sight(ODOMETRY_OLD_AFTER) {
+            return None;
+        }
+        let most_sigma_m = self.settings.localization.lost_sigma_m;
+        let told = self.sight.tell(self.now, ODOMETRY_OLD_AFTER, most_sigma_m, self.reset_counter);
+        told.filter(NavEstimate::is_finite)
+    }
+
+    /// True in flight, while the samples are older than this and the autopilot goes by a place from here.
+    fn goes_by_sight(&self, age: Duration) -> bool {
+        let is_old = |at| self.now.since(at) >= age;
+        self.vehicle.is_some_and(|vehicle| vehicle.is_armed)
+            && self.sight.is_followed(self.now)
+            && self.localizer.last_sample_at().is_some_and(is_old)
     }
 
     /// The belief, if it can be flown on.

@@ -34,8 +34,12 @@ pub(super) fn believes_scan(scan: &Scan, now: Stamp<Mono>) -> bool {
 
 /// The record of a frame that the filter must not see, if it must not.
 pub(super) fn refusal_of_frame(frame: &TagDetections, now: Stamp<Mono>) -> Option<FixRecord> {
-    let verdict = is_near(frame.captured_at, now).err()?;
-    Some(FixRecord::of_frame(frame, chi2_gate_99(6), verdict))
+    is_near(frame.captured_at, now).err().map(|verdict| refused_frame(frame, verdict))
+}
+
+/// The record of a frame that the filter does not see.
+pub(super) fn refused_frame(frame: &TagDetections, verdict: Verdict) -> FixRecord {
+    FixRecord::of_frame(frame, chi2_gate_99(6), verdict)
 }
 
 /// True if the autopilot's words leave no doubt: a vehicle whose motors may turn can leave the

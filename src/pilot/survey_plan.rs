@@ -5,7 +5,7 @@ use crate::mapping::Mapper;
 use crate::mapping::belief::CoarseField;
 use crate::mapping::gaps::Gap;
 use crate::mapping::projection::LidarMount;
-use crate::messages::{BudgetSource, GridGeometry, VolumeAccount};
+use crate::messages::{BudgetSource, GridGeometry, VolumeAccount, VolumeEstimate};
 use crate::planning::clearance::Clearance;
 use crate::planning::free_space::FreeSpace;
 use crate::planning::gap_way;
@@ -219,10 +219,8 @@ impl SurveyPlan {
             free_space: Arc::clone(&self.free_space),
             lidar: lidar.clone(),
             belief: self.belief(mapper, now),
-            volume_m3: whole.map_or_else(
-                || self.nominal_volume_m3(mapper),
-                |account| account.estimate.volume_m3,
-            ),
+            volume_m3: whole
+                .map_or_else(|| self.nominal_volume_m3(mapper), |a| likely_most_m3(&a.estimate)),
             constant_var_m6: whole.map_or(0.0, constant_var_m6),
             accounted: whole.map(|account| account.estimate),
         })
@@ -367,6 +365,13 @@ impl SurveyPlan {
         }
         self.ahead.extend(later);
     }
+}
+
+/// As much material as there may well be, m³: the target is a share of it. An early account is too low
+/// as often as too high; a plan for too small a target goes into corners that nobody needs, and one
+/// for too large a target is only made longer by the next.
+fn likely_most_m3(estimate: &VolumeEstimate) -> f64 {
+    estimate.volume_m3.abs() + estimate.sigma_m3
 }
 
 /// Variance of the volume that no flight changes: calibration, markers, base. The density concerns

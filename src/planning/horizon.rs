@@ -40,7 +40,7 @@ impl Planner for Horizon {
         };
         let sigma_now_m3 = scene.sigma_now_m3();
         // With a margin: the account has the last word.
-        if scene.is_enough(sigma_now_m3) {
+        if scene.is_enough_by_account(sigma_now_m3) {
             return scene.finished(PlanEnd::Target, sigma_now_m3);
         }
         let is_first = request.current.is_empty() && request.accounted.is_none();

@@ -131,6 +131,9 @@ pub(super) fn encode_action(action: &Action) -> serde_json::Result<Encoded> {
         Action::PublishOdometry(it) => {
             encode_by(Topic::Odometry, |to| twin::OdometryTwin::serialize(it, to))
         }
+        Action::PublishSight(it) => {
+            encode_by(Topic::Sight, |to| twin::OdometryTwin::serialize(it, to))
+        }
         Action::Command(it) => encode(Topic::Command, &twin::CommandTwin { command: *it }),
         Action::Start { id, .. } => encode(Topic::Started, &twin::StartedTwin { id: *id }),
         Action::ReportVolume(it) => {

@@ -62,6 +62,8 @@ topics! {
     Setpoint = "/result/setpoint", twin::SetpointTwin;
     /// Own pose sent to the autopilot.
     Odometry = "/result/odometry", twin::OdometryTwin;
+    /// What frames show by themselves, sent to the autopilot in its stead.
+    Sight = "/result/sight", twin::OdometryTwin;
     /// Command sent to the autopilot.
     Command = "/result/command", twin::CommandTwin;
     /// A job began.

@@ -66,7 +66,7 @@ pub(super) fn views_of(
         Entry::Event(RecordedEvent::Plain(Event::Scanned(scan))) => {
             [view(ViewTopic::Scan, &laser_scan(scan)), None]
         }
-        Entry::Result(Action::PublishOdometry(estimate)) => [
+        Entry::Result(Action::PublishOdometry(estimate) | Action::PublishSight(estimate)) => [
             view(ViewTopic::Pose, &pose(estimate)),
             view(ViewTopic::Transforms, &transforms(estimate, body_from_lidar)),
         ],

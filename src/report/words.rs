@@ -133,7 +133,9 @@ pub(super) const fn meaning(source: BudgetSource) -> &'static str {
         BudgetSource::BeamNoise => "range and angle of single beams",
         BudgetSource::Roughness => "ground below the size of a cell",
         BudgetSource::Occlusion => "hollows below the size of a cell that grazing beams miss",
-        BudgetSource::HiddenGround => "ground that no beam reached, known by the rays over it",
+        BudgetSource::HiddenGround => {
+            "ground that no beam reached: the rays over it, and that it is off as a whole"
+        }
         BudgetSource::Pose => "place and attitude of the vehicle, correlated along the flight",
         BudgetSource::LidarMounting => "how the LiDAR is bolted on, constant",
         BudgetSource::RangeBias => "every range by the same length, constant",

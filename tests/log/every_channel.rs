@@ -220,6 +220,7 @@ fn actions() -> Vec<Action> {
     vec![
         Action::Steer(setpoint),
         Action::PublishOdometry(Box::new(nav())),
+        Action::PublishSight(Box::new(nav())),
         Action::Command(VehicleCommand::EnterLand),
         Action::ReportVolume(report),
         Action::Say(StatusText { severity: Severity::Warning, text: "battery \"low\"".into() }),
@@ -265,7 +266,7 @@ fn results_are_recorded_with_their_units_and_names() {
         }
     }
     assert_eq!(seen.len(), 12);
-    assert_eq!(results.len(), 12);
+    assert_eq!(results.len(), 13);
     let of = |topic: Topic| &results[&topic];
     assert_eq!(of(Topic::Setpoint)["position_m"], serde_json::json!([1.0, 2.0, 3.0]));
     assert_eq!(of(Topic::Command)["command"], "enter_land");
@@ -277,6 +278,7 @@ fn results_are_recorded_with_their_units_and_names() {
     assert_eq!(of(Topic::Phase)["to"], "survey");
     assert_eq!(of(Topic::Fix)["verdict"], "fused");
     assert_eq!(of(Topic::Fix)["fix"]["q_pos"], 12.5);
+    assert_eq!(of(Topic::Sight), of(Topic::Odometry));
     assert_eq!(of(Topic::Surface)["grid"]["n_cols"], 3);
     assert_eq!(of(Topic::Plan)["end"], "small_gain");
     assert_eq!(of(Topic::Plan)["ahead"][0]["z_m"], 7.0);

@@ -127,6 +127,29 @@ fn a_survey_without_a_number_is_found_by_its_volumes() {
     assert_eq!(volumes_m3(&books), [410.0, 96.0]);
 }
 
+/// An earlier program took a log that had grown for another one, and counted it twice.
+#[test]
+fn a_log_that_stands_there_twice_is_found() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (path, folder) = (folder.path().join("books.sqlite"), folder.path());
+    let mut books = Inventory::open(&path).expect("books");
+    let id = new_id(books.add("Nord", &flown(folder, "a.mcap", &[FIRST]), &once()).expect("added"));
+    let grown = flown(folder, "b.mcap", &[FIRST, GAPS]);
+    books.add("Nord", &grown, &once()).expect("updated");
+    drop(books);
+    let twice = "INSERT INTO survey (rowid, id, hall_id, log_sha256, log_path, started_utc, version, build,
+            config_toml, independent)
+            SELECT -1, 'survey-old', hall_id, 'old', log_path, started_utc, version, build, config_toml, ''
+            FROM survey;
+        INSERT INTO volume SELECT 'survey-old', bay_id, position, 410.0, sigma_m3, mass_t, mass_sigma_t,
+            (SELECT json_extract(accounts_json, '$') FROM replaced) FROM volume;";
+    row(&path, &[FORGET, twice].concat());
+    let mut books = Inventory::open(&path).expect("books");
+    assert_eq!(volumes_m3(&books).len(), 2);
+    let known = books.add("Nord", &grown, &once()).expect("known");
+    assert!(matches!(&known, Added::Known { id: found, .. } if *found == id), "{known:?}");
+}
+
 #[test]
 fn what_nobody_can_tell_apart_is_refused() {
     let folder = tempfile::tempdir().expect("a folder");

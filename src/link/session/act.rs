@@ -2,7 +2,7 @@
 
 use super::{Autopilot, Session, SessionOutput};
 use crate::link::{PAGE, inbound, outbound};
-use crate::messages::{CommandOutcome, OperatorAnswer, VehicleCommand};
+use crate::messages::{CommandOutcome, NavEstimate, OperatorAnswer, VehicleCommand};
 use crate::mission::Phase;
 use crate::pilot::{Action, Event, PhaseChange};
 use crate::time::{Mono, Stamp};
@@ -25,9 +25,9 @@ impl Session {
             }
             Action::PublishOdometry(estimate) => {
                 self.telemetry.fixed(outbound::quality(estimate), now);
-                let dialect = self.autopilot.as_ref().map(|autopilot| autopilot.dialect);
-                self.push(dialect.and_then(|d| outbound::odometry(estimate, d)), out);
+                self.push_odometry(estimate, out);
             }
+            Action::PublishSight(estimate) => self.push_odometry(estimate, out),
             Action::ReportVolume(report) => self.telemetry.report(report, now, &mut out.messages),
             Action::VolumesAccounted(accounts) => self.telemetry.note(accounts),
             Action::Say(line) => {
@@ -66,6 +66,11 @@ impl Session {
     /// What to answer the own page for what the mission says; see `OperatorDesk::answer`.
     pub fn own_answer(&mut self, answer: &OperatorAnswer, now: Stamp<Mono>) -> bool {
         self.operators.answer(answer, now)
+    }
+
+    fn push_odometry(&mut self, estimate: &NavEstimate, out: &mut SessionOutput) {
+        let dialect = self.autopilot.as_ref().map(|autopilot| autopilot.dialect);
+        self.push(dialect.and_then(|d| outbound::odometry(estimate, d)), out);
     }
 
     fn push(&mut self, message: Option<MavMessage>, out: &mut SessionOutput) {

@@ -60,12 +60,12 @@ impl Velocity {
 
 /// This many agreeing fixes in a row outvote the filter: half a second at 20 Hz.
 const RESET_AFTER_GATED: usize = 10;
-/// Two gated fixes agree if the vehicle could have flown from one to the other, m/s.
-const PLAUSIBLE_SPEED_MPS: f64 = 5.0;
+/// Two fixes agree if the vehicle could have flown from one to the other, m/s.
+pub const PLAUSIBLE_SPEED_MPS: f64 = 5.0;
 /// The velocity is that over so long, s: the shortest span of these that two fixes have between them.
 const VELOCITY_SPAN_S: (f64, f64) = (0.1, 1.0);
-/// By how much it may change meanwhile, m/s².
-const MANOEUVRE_MPS2: f64 = 1.5;
+/// By how much a velocity may change in flight, m/s².
+pub const MANOEUVRE_MPS2: f64 = 1.5;
 /// Biases of sensors that fly, at most.
 const LARGEST_ACCEL_BIAS_MPS2: f64 = 0.5;
 const LARGEST_GYRO_BIAS_RADPS: f64 = 0.1;
@@ -140,6 +140,32 @@ impl Localizer {
             self.last_fused_tags = Some((camera_idx, tags));
         }
         record
+    }
+
+    /// The pose that a frame shows by itself, whatever the filter believes, and whatever the motion
+    /// between its rows; `None` with less than two tags that can be trusted.
+    ///
+    /// `down_body`: direction of gravity in body axes, within some degrees.
+    #[must_use]
+    pub fn pose_by_sight(
+        &self,
+        frame: &TagDetections,
+        down_body: &Vector3<f64>,
+    ) -> Option<FixOutcome> {
+        let camera = self.cameras.get(usize::from(frame.camera.0))?;
+        let mut seen = self.seen(camera, frame);
+        self.drop_excluded(&mut seen);
+        if seen.n_tags() < MIN_TAGS_TO_RELOCATE {
+            return None;
+        }
+        let start = Start::Cold { gravity_body: Some(*down_body) };
+        let vision = &self.settings.vision;
+        let mut fix = vision_fix::solve_from(camera, &seen.features(None), start, vision).ok()?;
+        let place_var_m2 = self.settings.marker_map.place_sigma_m().powi(2);
+        for axis in 0..3 {
+            fix.pose_cov[(axis, axis)] += place_var_m2;
+        }
+        Some(fix)
     }
 
     /// The mapped tags of a frame; a tag that is reported twice is left out, since one of the two

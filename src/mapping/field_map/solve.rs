@@ -13,6 +13,7 @@ use crate::mapping::matern_field::{self, FieldError, Information, Solution, Solv
 use crate::mapping::ray_ceiling::RayCeiling;
 use crate::mapping::roughness::Residuals;
 use crate::mapping::surface_work::SolvedSurface;
+use crate::mapping::unseen_patch::{UnseenGround, VarBesideSeen};
 use crate::messages::{BudgetRow, BudgetSource, CellCoverage, GridGeometry, HeightMap};
 use crate::time::{Mono, Stamp};
 use std::sync::Arc;
@@ -222,6 +223,20 @@ impl SolveField {
         data
     }
 
+    /// The ground that counts and that no beam came near; where exact variances cost too much, with those that its
+    /// distance to seen ground gives.
+    fn unseen_ground(&self, round: &Round, is_hidden: &[bool], areas_m2: &[f64]) -> UnseenGround {
+        let lattice = &self.setup.lattice;
+        let is_unseen: Vec<bool> = std::iter::zip(is_hidden, areas_m2)
+            .map(|(is_hidden, area_m2)| *is_hidden && *area_m2 > 0.0)
+            .collect();
+        let var_m2 = round.var_m2.clone().unwrap_or_else(|| {
+            let prior = self.setup.settings.prior();
+            VarBesideSeen::new(&prior, lattice.spacing_m()).on(lattice, &round.newest.is_known)
+        });
+        UnseenGround::new(lattice, &is_unseen, var_m2)
+    }
+
     /// The volumes of a solution with their budgets.
     fn account(
         &self,
@@ -242,20 +257,27 @@ impl SolveField {
         let q_m2: Vec<&[f64]> = adjoints.iter().map(|adjoint| adjoint.q.as_slice()).collect();
         let budgets = data_budgets(&turns.footprints, &at, &q_m2, &setup.settings.calibration);
         let mean_m = setup.lattice.on_cells(&round.newest.heights_m);
-        let summands_m6 = setup.lattice.on_cells(&summands(&areas_m2[0], q_m2[0]));
         let seen = setup.seen(&round.data.info, &turns.flagged);
         let range_m = setup.settings.range_m;
         let is_hidden = setup.lattice.far_from(&round.newest.is_known);
         let is_bridged: Vec<bool> = is_hidden.iter().map(|is_hidden| !is_hidden).collect();
-        let solved = std::iter::zip(std::iter::zip(&areas_m2, &adjoints), budgets);
+        let unseen = self.unseen_ground(&round, &is_hidden, &areas_m2[0]);
+        let surplus_m6: Vec<Vec<f64>> = std::iter::zip(&areas_m2, &q_m2)
+            .map(|(areas_m2, q_m2)| unseen.surplus_m6(areas_m2, q_m2))
+            .collect();
+        let mut summands_m6 = summands(&areas_m2[0], q_m2[0]);
+        unseen.spread(&surplus_m6[0], &areas_m2[0], &mut summands_m6);
+        let summands_m6 = setup.lattice.on_cells(&summands_m6);
+        let of_bays = std::iter::zip(std::iter::zip(&areas_m2, &adjoints), &surplus_m6);
+        let solved = std::iter::zip(of_bays, budgets);
         let accounts = std::iter::zip(setup.bays.iter(), solved)
-            .map(|(bay, ((areas_m2, adjoint), mut budget))| {
+            .map(|(bay, (((areas_m2, adjoint), surplus_m6), mut budget))| {
                 let above_floor_m3 = round.solution.functional(areas_m2, adjoint);
                 let volume_m3 = above_floor_m3 - bay.base.above_floor_m3();
                 let in_gaps_m6 = round.solution.prior_var_at(adjoint, &is_bridged);
                 let var_m6 = adjoint.prior_var - (1.0 - amplitude * amplitude) * in_gaps_m6;
                 budget.rows.insert(0, BudgetRow { source: BudgetSource::Prior, var_m6 });
-                let var_m6 = round.hidden.var_m6(&adjoint.q);
+                let var_m6 = round.hidden.var_m6(&adjoint.q) + surplus_m6.iter().sum::<f64>();
                 budget.rows.push(BudgetRow { source: BudgetSource::HiddenGround, var_m6 });
                 if !bay.base.errors.is_empty() {
                     budget.push_shared(BudgetSource::Base, &bay.base.errors);

@@ -237,6 +237,20 @@ impl Lattice {
         rows.flat_map(move |row| cols.clone().map(move |col| row * n_cols + col))
     }
 
+    /// The neighbours that a node has a bond with: no diagonal ones, none behind a wall.
+    pub fn joined(&self, node: usize) -> impl Iterator<Item = usize> + use<> {
+        let (links, n_cols) = (self.links[node], self.n_cols);
+        let beside = |way: u8, to: Option<usize>| to.filter(|_| links & way != 0);
+        [
+            beside(EAST, Some(node + 1)),
+            beside(NORTH, Some(node + n_cols)),
+            beside(WEST, node.checked_sub(1)),
+            beside(SOUTH, node.checked_sub(n_cols)),
+        ]
+        .into_iter()
+        .flatten()
+    }
+
     /// Nodes that are not marked, and none of whose neighbours is.
     #[must_use]
     pub fn far_from(&self, marked: &[bool]) -> Vec<bool> {

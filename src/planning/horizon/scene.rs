@@ -240,6 +240,15 @@ impl<'a> Scene<'a> {
         cost_m + e_fold_m * (sigma_m3 / aim_m3).ln().max(0.0)
     }
 
+    /// True if no more flying is needed: by what is aimed at, and by the newest account, which has the last word.
+    pub(super) fn is_enough_by_account(&self, sigma_m3: f64) -> bool {
+        let ratio = self.request.settings.target_ratio;
+        let is_left = ratio
+            .zip(self.request.accounted)
+            .is_some_and(|(ratio, account)| sigma_m3 > ratio * account.volume_m3.abs());
+        self.is_enough(sigma_m3) && !is_left
+    }
+
     /// True if the path reaches what is aimed at.
     pub(super) fn is_enough(&self, sigma_m3: f64) -> bool {
         self.target_m3().is_some_and(|target_m3| sigma_m3 <= AIM_SHARE * target_m3)

@@ -125,9 +125,12 @@ impl Declared {
     }
 }
 
-/// A name without ends of lines, or spaces more than one at a time.
-fn as_one_line(name: &str) -> String {
-    name.split_whitespace().collect::<Vec<_>>().join(" ")
+/// A text without ends of lines, spaces more than one at a time, and what moves a terminal or turns the
+/// order of letters.
+fn as_one_line(text: &str) -> String {
+    let turns = |letter: char| matches!(letter, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
+    let words = text.split_whitespace().collect::<Vec<_>>().join(" ");
+    words.chars().filter(|letter| !letter.is_control() && !turns(*letter)).collect()
 }
 
 /// What became of a wish.
@@ -259,7 +262,7 @@ pub(super) async fn review(
     let decision = Decision {
         flight_ended_at_ns: ended_at.nanos(),
         verdict: wish.verdict,
-        remark: wish.remark.chars().take(LONGEST_REMARK).collect(),
+        remark: as_one_line(&wish.remark).chars().take(LONGEST_REMARK).collect(),
         remarks: picture.review.remarks,
         decided_by: wish.decider(),
         decided_utc: jiff::Timestamp::now().to_string(),
@@ -281,6 +284,10 @@ mod tests {
     fn a_decision_has_the_name_that_was_typed_or_none() {
         let by = |json: &str| serde_json::from_str::<ReviewWish>(json).unwrap().decider();
         assert_eq!(by(r#"{"verdict":"rejected","by":"  Zoë\n Doe "}"#).as_deref(), Some("Zoë Doe"));
+        assert_eq!(
+            by(r#"{"verdict":"accepted","by":"\u001b[2JAn\u202ena"}"#).as_deref(),
+            Some("[2JAnna")
+        );
         assert_eq!(by(r#"{"verdict":"accepted","by":"  "}"#), None);
         assert_eq!(by(r#"{"verdict":"accepted"}"#), None);
         let long = format!(r#"{{"verdict":"accepted","by":"{}"}}"#, "é".repeat(81));

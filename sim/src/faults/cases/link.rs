@@ -195,6 +195,21 @@ pub(super) fn thin_imu(lab: &mut Lab) -> anyhow::Result<()> {
         bench.run(3.0);
         bench.demand(bench.belief_error_m() < RIGHT_WITHIN_M, "the place found anew is right");
     })?;
+    // No more of them at all: the flight is over, and the camera keeps the landing where it began.
+    lab.fly(|bench| {
+        bench.survey();
+        bench.strike();
+        bench.flight.link.tamper_with(|_, _, one| {
+            let is_sample = matches!(one.1, MavMessage::HIGHRES_IMU(_) | MavMessage::RAW_IMU(_));
+            if is_sample { Vec::new() } else { vec![one] }
+        });
+        bench.safe_within(6.0, "lands", |bench| bench.phase() == Phase::Land);
+        let began_at = bench.place();
+        let is_down = bench.until(60.0, Bench::is_down);
+        let drift_m = (bench.place() - began_at).xy().norm();
+        bench.demand(is_down, "on the ground in the end");
+        bench.demand(drift_m < 1.0, &format!("{drift_m:.2} m beside where the landing began"));
+    })?;
     // The request for more of them never arrives: PX4 sends 50 a second, ArduPilot none.
     lab.fly(|bench| {
         bench.flight.link.tamper_with(|_, _, (header, message)| match &message {
