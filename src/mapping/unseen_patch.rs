@@ -11,8 +11,8 @@
 //! - `w`: area that a node stands for, m²; `σ`: standard deviation of its height, m
 //! - `q = Σ* w`: the field's covariance of the heights with the volume, m²·m
 //!
-//! On simulated alps, halls and piles, seen in part, the sums of the errors of such patches are 0.6 to 1.2 of Σ w σ
-//! (root mean square); by the field alone they are two to five of its σ.
+//! On simulated alps, halls and piles, seen in part, the sums of the errors of such patches and their rims are 0.6 to 1.2 of
+//! Σ w σ (root mean square); by the field alone they are two to five of its σ.
 //! Checked: `a_patch_is_off_as_a_whole_and_patches_are_not`, `walls_part_patches_and_distances_grow_with_the_steps`; in whole by campaigns of the simulator.
 
 use super::matern_field::{Lattice, Prior};
