@@ -8,7 +8,7 @@ use crate::messages::{
 use crate::pilot::{Action, FlightSummary};
 use crate::record::{LogHeader, Recorder};
 use crate::survey::Origin;
-use crate::time::Stamp;
+use crate::time::{Mono, Stamp};
 use std::path::{Path, PathBuf};
 
 mod grown;
@@ -34,6 +34,20 @@ fn account(name: &str, volume_m3: f64) -> VolumeAccount {
     }
 }
 
+/// A whole flight that ended with these volumes.
+fn summary(at: Stamp<Mono>, accounts: &[VolumeAccount]) -> FlightSummary {
+    FlightSummary {
+        at,
+        volume: accounts[0].estimate,
+        accounts: accounts.to_vec(),
+        hits: HitCounts::default(),
+        steps_done: 0,
+        path_length_m: 0.0,
+        is_complete: true,
+        is_final: true,
+    }
+}
+
 /// A log as `merge` writes it: results only.
 fn log(folder: &Path, name: &str, started_utc: &str, volume_m3: f64) -> PathBuf {
     log_of(folder, name, started_utc, vec![account("hall", volume_m3)])
@@ -49,16 +63,7 @@ fn log_of(folder: &Path, name: &str, started_utc: &str, accounts: Vec<VolumeAcco
         notes: [("started_utc".to_owned(), started_utc.to_owned())].into(),
         body_from_lidar: None,
     };
-    let summary = FlightSummary {
-        at: Stamp::ZERO,
-        volume: accounts[0].estimate,
-        accounts: accounts.clone(),
-        hits: HitCounts::default(),
-        steps_done: 0,
-        path_length_m: 0.0,
-        is_complete: true,
-        is_final: true,
-    };
+    let summary = summary(Stamp::ZERO, &accounts);
     let mut recorder = Recorder::create(&path, &header).expect("a log").waiting();
     recorder.result(Stamp::ZERO, &Action::VolumesAccounted(accounts));
     recorder.result(Stamp::ZERO, &Action::Ended(Box::new(summary)));

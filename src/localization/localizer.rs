@@ -1,6 +1,7 @@
 //! The face of the localisation: samples and frames in, a pose with its covariance out.
 
 mod frames;
+mod gated_streak;
 
 use super::camera_model::CameraModel;
 use super::filter::{Covariance, FilterState, ImuNoise};
@@ -20,8 +21,8 @@ use crate::messages::{
 };
 use crate::stats::chi2_gate_99;
 use crate::time::{Mono, Stamp};
-use frames::GatedStreak;
-pub use frames::{MANOEUVRE_MPS2, PLAUSIBLE_SPEED_MPS};
+use gated_streak::GatedStreak;
+pub use gated_streak::{MANOEUVRE_MPS2, PLAUSIBLE_SPEED_MPS};
 use nalgebra::Matrix6;
 use std::sync::Arc;
 use std::time::Duration;

@@ -33,16 +33,7 @@ fn flown(folder: &Path, name: &str, flights: Flights<'_>) -> PathBuf {
         recorder.event(at(s + 5), &Event::Ticked(at(s + 5)));
         recorder.result(at(s + 5), &Action::PhaseChanged(step(at(s + 5), Phase::TakeOff)));
         let accounts = vec![account("hall", *volume_m3)];
-        let summary = FlightSummary {
-            at: at(s + 50),
-            volume: accounts[0].estimate,
-            accounts: accounts.clone(),
-            hits: HitCounts::default(),
-            steps_done: 0,
-            path_length_m: 0.0,
-            is_complete: true,
-            is_final: true,
-        };
+        let summary = summary(at(s + 50), &accounts);
         recorder.result(at(s + 50), &Action::VolumesAccounted(accounts));
         recorder.result(at(s + 50), &Action::Ended(Box::new(summary)));
     }
