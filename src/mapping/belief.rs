@@ -3,20 +3,25 @@
 //!
 //! ```text
 //! Q = Q0 + Σ_seen a aᵀ ι dA,   q = Q⁻¹ w
-//! (σ^V)² = wᵀ q + Σ_k s_kᵀ P_k s_k + Σ_j s² (w_j − A_j)₊² + Σ_p (S_p² − Σ_{j∈p} u_j q_j)₊ + c
-//! s_k = Σ_{i∈k} ι_i a_iᵀ q ∂z_i/∂(z, θ_x, θ_y)
+//! (σ^V)² = wᵀ q + Σ_k s_kᵀ P_k s_k + Σ_j s² (A_j e_j)² + Σ_p (S_p² − Σ_{j∈p} u_j √v_j q_j)₊ + c
+//! s_k = Σ_{i∈k} ι_i a_iᵀ q ∂z_i/∂(z, θ_x, θ_y),   S_p = Σ_{j∈p} u_j σ_j √v_j
 //! ```
 //! - `ι`: information about the coarse field per area that was seen, 1/m⁴: seen ground counts
 //!   once, however many beams hit it, but for what the noise of the beams leaves
 //! - `k`: stretch of a flight over which the pose's error stays the same; `P_k` its covariance
-//! - `A_j`: area seen around node j, m²; what is left of the node's share `w_j` is a hole too small for
+//! - `A_j`: area around node j that no beam has hit, m²; `e_j`: the share of it that looks leave ([`looks`]), holes too small for
 //!   the lattice, whose mean height differs by `s` from what the nodes around say
-//! - `p`: patches of nodes around which most is unseen, which are off as a whole ([`super::unseen_patch`]):
-//!   `S_p = Σ u_j σ (1 − r(d_j))`, `u_j = (w_j − A_j)₊`, with the correlation r over the distance `d_j` to seen
-//!   ground
+//! - `p`: patches that are off as a whole ([`super::unseen_patch`]), each with its area `u_j` and σ at node j; `v_j`: the
+//!   share of its variance that looks leave. They are the map's own; without a map, they are made of the nodes around which
+//!   most stays unseen, with σ by the distance to the others
 //! - `c`: what no flight changes (calibration, base), m⁶
 //!
 //! Checked: `coarse_variance_matches_dense_algebra`.
+
+mod looks;
+mod open_patch;
+
+pub use looks::Chance;
 
 use super::field_map::SolveField;
 use super::grid_map::SolveGrid;
@@ -24,10 +29,12 @@ use super::matern_field::{FieldError, Functional, Information, Lattice, Prior, R
 use super::matern_kernel::matern_of;
 use super::region::Region;
 use super::surface_work::SolveSurface;
-use super::unseen_patch::{UnseenGround, VarBesideSeen};
+use super::unseen_patch::{Ground, UnseenGround, VarBesideSeen};
 use crate::messages::GridGeometry;
 use crate::time::{Mono, Stamp};
+use looks::{Looks, Rest};
 use nalgebra::{Matrix3, Matrix6, SMatrix, Vector3};
+use open_patch::OpenPatch;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -77,6 +84,10 @@ pub struct Sightings {
     pub windows: Vec<PoseWindow>,
     /// Area seen around each node, m².
     seen_m2: Vec<f64>,
+    /// What was looked at around each node.
+    looks: Looks,
+    /// The patches of unseen ground that a map has; `None` if no map says where they are.
+    patches: Option<Vec<OpenPatch>>,
 }
 
 /// How uncertain the volume is.
@@ -103,8 +114,6 @@ const CELLS_PER_RANGE: f64 = 4.0;
 const SUB_VAR_SHARE: f64 = 0.01;
 /// σ of ground that may hide, over σ: there is known ground around it.
 const HIDDEN_SIGMA_SHARE: f64 = 0.5;
-/// A node of whose area more than this is unseen belongs to a patch of unseen ground.
-const UNSEEN_SHARE: f64 = 0.5;
 /// Errors of the pose stay the same for about this long.
 const WINDOW: Duration = Duration::from_secs(1);
 
@@ -197,6 +206,8 @@ impl CoarseField {
             info: Information::new(self.lattice()),
             windows: Vec::new(),
             seen_m2: vec![0.0; self.lattice().n_nodes()],
+            looks: Looks::none(self.lattice().n_nodes()),
+            patches: None,
         }
     }
 
@@ -236,8 +247,12 @@ impl CoarseField {
             let arm = footprint.hall_from_body.rotation.matrix() * patch.arm();
             seen.add(&row, info, (arm.x, arm.y));
         });
-        let seen_cells = cell_info.iter().enumerate().filter(|(_, info)| **info > 0.0);
-        self.count_cells(&mut seen, seen_cells.map(|(cell, _)| cell));
+        let is_hit: Vec<bool> = cell_info.iter().map(|info| *info > 0.0).collect();
+        let hit = is_hit.iter().enumerate().filter(|(_, is_hit)| **is_hit);
+        self.count_cells(&mut seen, hit.map(|(cell, _)| cell));
+        seen.patches = work.open_patches(&is_hit).map(|patches| {
+            patches.iter().map(|patch| OpenPatch::new(self.lattice(), patch)).collect()
+        });
         seen
     }
 
@@ -285,38 +300,72 @@ impl CoarseField {
         for part in others {
             info.merge(&part.info)?;
         }
-        let mut unseen_m2 = self.functional.weights().to_vec();
-        for part in parts {
-            unseen_m2.iter_mut().zip(&part.seen_m2).for_each(|(unseen, seen)| *unseen -= seen);
-        }
         let given = self.functional.given(&info)?;
         let pose_m6 = parts
             .iter()
             .flat_map(|part| &part.windows)
             .map(|window| window.volume_var(&given.q))
             .sum();
-        let (holes_m6, patches_m6) =
-            (self.holes_m6(&unseen_m2), self.patches_m6(&unseen_m2, &given.q));
-        Ok(VolumeVar { field_m6: given.var, pose_m6, holes_m6, patches_m6 })
+        let open_m2 = self.open_m2(parts);
+        let looks = || parts.iter().map(|part| &part.looks);
+        let rests: Vec<Rest> = std::iter::zip(0.., &open_m2)
+            .map(|(node, open_m2)| Rest::of(looks(), node, *open_m2))
+            .collect();
+        let patches = parts.iter().find_map(|part| part.patches.as_ref());
+        Ok(VolumeVar {
+            field_m6: given.var,
+            pose_m6,
+            holes_m6: self.holes_m6(&open_m2, &rests),
+            patches_m6: match (&self.var_beside, patches) {
+                (None, _) => 0.0,
+                (Some(_), Some(patches)) => {
+                    patches.iter().map(|patch| patch.surplus_m6(&rests, &given.q)).sum()
+                }
+                (Some(var_beside), None) => self.patches_m6(var_beside, &open_m2, &rests, &given.q),
+            },
+        })
     }
 
-    fn patches_m6(&self, unseen_m2: &[f64], q: &[f64]) -> f64 {
-        let Some(var_beside) = &self.var_beside else { return 0.0 };
-        let lattice = self.lattice();
-        let (is_unseen, is_seen): (Vec<bool>, Vec<bool>) =
-            std::iter::zip(unseen_m2, self.functional.weights())
-                .map(|(unseen, whole)| {
-                    let is_unseen = *unseen > UNSEEN_SHARE * whole;
-                    (is_unseen && *whole > 0.0, !is_unseen && *whole > 0.0)
-                })
-                .unzip();
-        let unseen = UnseenGround::new(lattice, &is_unseen, var_beside.on(lattice, &is_seen));
-        let areas_m2: Vec<f64> = unseen_m2.iter().map(|area_m2| area_m2.max(0.0)).collect();
-        unseen.surplus_m6(&areas_m2, q).iter().sum()
+    /// Area around each node that is not known to be seen, m².
+    fn open_m2(&self, parts: &[&Sightings]) -> Vec<f64> {
+        let mut open_m2 = self.functional.weights().to_vec();
+        for part in parts {
+            open_m2.iter_mut().zip(&part.seen_m2).for_each(|(open, seen)| *open -= seen);
+        }
+        open_m2.iter_mut().for_each(|open_m2| *open_m2 = open_m2.max(0.0));
+        open_m2
     }
 
-    fn holes_m6(&self, unseen_m2: &[f64]) -> f64 {
-        self.hole_var_m2 * unseen_m2.iter().map(|area_m2| area_m2.max(0.0).powi(2)).sum::<f64>()
+    /// What patches add where no map says where they are: they are made of the nodes that looks leave.
+    fn patches_m6(
+        &self,
+        var_beside: &VarBesideSeen,
+        open_m2: &[f64],
+        rests: &[Rest],
+        q_m2: &[f64],
+    ) -> f64 {
+        let (lattice, whole_m2) = (self.lattice(), self.functional.weights());
+        let var_shares: Vec<f64> = rests.iter().map(Rest::var_share).collect();
+        let ground_at = |node: usize| {
+            let is_core = whole_m2[node] > 0.0
+                && open_m2[node] > looks::UNSEEN_SHARE * whole_m2[node]
+                && var_shares[node] > 0.0;
+            if is_core { Ground::Core } else { Ground::Known }
+        };
+        let ground: Vec<Ground> = (0..lattice.n_nodes()).map(ground_at).collect();
+        let is_seen: Vec<bool> = std::iter::zip(&ground, whole_m2)
+            .map(|(ground, whole_m2)| *ground == Ground::Known && *whole_m2 > 0.0)
+            .collect();
+        let unseen = UnseenGround::new(lattice, &ground, var_beside.on(lattice, &is_seen));
+        let areas_m2: Vec<f64> = std::iter::zip(open_m2, &var_shares)
+            .map(|(open_m2, var_share)| open_m2 * var_share.sqrt())
+            .collect();
+        unseen.surplus_m6(&areas_m2, q_m2).iter().sum()
+    }
+
+    fn holes_m6(&self, open_m2: &[f64], rests: &[Rest]) -> f64 {
+        let holes_m2 = std::iter::zip(open_m2, rests).map(|(open_m2, rest)| open_m2 * rest.shaded);
+        self.hole_var_m2 * holes_m2.map(|hole_m2| hole_m2.powi(2)).sum::<f64>()
     }
 }
 
@@ -329,22 +378,16 @@ impl VolumeVar {
 }
 
 impl Sightings {
+    /// Looks at unknown ground of this area, m².
+    pub fn look(&mut self, row: &Row, area_m2: f64, chance: Chance) {
+        self.looks.push(row, area_m2, chance);
+    }
+
     /// Counts an area as seen, m², whatever it says.
     pub fn count(&mut self, row: &Row, area_m2: f64) {
         for (node, weight) in std::iter::zip(row.nodes, row.weights) {
             self.seen_m2[node as usize] += weight * area_m2;
         }
-    }
-
-    /// Everything that another part has seen, as well.
-    ///
-    /// # Errors
-    /// [`FieldError::Size`] for parts of different lattices.
-    pub fn merge(&mut self, other: Self) -> Result<(), FieldError> {
-        self.info.merge(&other.info)?;
-        self.windows.extend(other.windows);
-        self.seen_m2.iter_mut().zip(&other.seen_m2).for_each(|(mine, theirs)| *mine += theirs);
-        Ok(())
     }
 
     /// Adds a datum of the newest window: information 1/R, and where it lies from the body in the

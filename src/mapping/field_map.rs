@@ -86,6 +86,9 @@ pub struct NewestField {
     pub heights_m: Vec<f64>,
     /// Nodes that rest on data.
     pub is_known: Vec<bool>,
+    /// Variance of the height of every node, m²; where exact ones cost too much, those that the distance to
+    /// seen ground gives.
+    pub var_m2: Vec<f64>,
     /// How far the patches of a square scatter about each other, m; `None` before enough is seen.
     pub scatter_m: Option<f64>,
     /// What is known of ground that no beam reached.

@@ -8,7 +8,7 @@ use super::projection::Hit;
 use super::region::Region;
 use super::shares::SeenCells;
 use super::sparse_gp::{self, GpError, Posterior};
-use super::surface_work::SolvedSurface;
+use super::surface_work::{KnownHeights, SolvedSurface};
 use crate::messages::{
     BudgetRow, BudgetSource, GridGeometry, HeightMap, VolumeAccount, VolumeBudget,
 };
@@ -215,10 +215,10 @@ impl SolveGrid {
     }
 
     /// Cells, their heights, and which were hit.
-    pub(super) fn known_heights(&self) -> (GridGeometry, Vec<f64>, Vec<bool>) {
+    pub(super) fn known_heights(&self) -> KnownHeights {
         let is_known =
             self.cell_var_m2.iter().map(|var| *var < 0.25 * self.gp.sigma_m.powi(2)).collect();
-        (self.geometry, self.cell_mean_m.clone(), is_known)
+        KnownHeights::new(self.geometry, self.cell_mean_m.clone(), is_known, self.gp.sigma_m)
     }
 
     /// σ of a cell before any hit, m.

@@ -174,13 +174,8 @@ impl KalmanGrid {
     #[must_use]
     pub fn known_heights(&self) -> KnownHeights {
         let is_known: Vec<bool> = self.n_hits.iter().map(|n| *n > 0).collect();
-        let known_m = std::iter::zip(&self.mean_m, &is_known).filter(|(_, is_known)| **is_known);
-        KnownHeights {
-            grid: self.geometry,
-            height_m: self.mean_m.clone(),
-            highest_m: known_m.map(|(h, _)| *h).fold(f64::NEG_INFINITY, f64::max),
-            is_known,
-        }
+        let sigma_m = self.settings.prior_sigma_m;
+        KnownHeights::new(self.geometry, self.mean_m.clone(), is_known, sigma_m)
     }
 
     /// Variance of each cell, m².

@@ -58,21 +58,43 @@ pub struct KnownHeights {
     pub height_m: Vec<f64>,
     /// Cells that rest on data.
     pub is_known: Vec<bool>,
+    /// Standard deviation of the height of each cell that does not, m.
+    pub sigma_m: Vec<f64>,
+    /// The height that each cell stays below, since rays have passed over it, m; infinite without any.
+    pub ceiling_m: Vec<f64>,
     /// Height of the highest cell that is known, m.
     pub highest_m: f64,
+    /// No ground is lower than this, m; minus infinity if nothing is known of that.
+    pub floor_m: f64,
+}
+
+impl KnownHeights {
+    /// Heights over which no ray has passed, with no floor; cells that are not known have this σ, m.
+    #[must_use]
+    pub fn new(
+        grid: GridGeometry,
+        height_m: Vec<f64>,
+        is_known: Vec<bool>,
+        unknown_sigma_m: f64,
+    ) -> Self {
+        let n_cells = height_m.len();
+        let sigma_m = vec![unknown_sigma_m; n_cells];
+        let ceiling_m = vec![f64::INFINITY; n_cells];
+        let known_m = std::iter::zip(&height_m, &is_known).filter(|(_, is_known)| **is_known);
+        let highest_m = known_m.map(|(h, _)| *h).fold(f64::NEG_INFINITY, f64::max);
+        let floor_m = f64::NEG_INFINITY;
+        Self { grid, height_m, is_known, sigma_m, ceiling_m, highest_m, floor_m }
+    }
 }
 
 impl SolveSurface {
     /// The newest heights; `None` before there are any.
     #[must_use]
     pub fn known_heights(&self) -> Option<KnownHeights> {
-        let (grid, height_m, is_known) = match self {
-            Self::KalmanGrid(work) => work.known_heights(),
-            Self::MaternField(work) => work.known_heights()?,
-        };
-        let known_m = std::iter::zip(&height_m, &is_known).filter(|(_, is_known)| **is_known);
-        let highest_m = known_m.map(|(h, _)| *h).fold(f64::NEG_INFINITY, f64::max);
-        Some(KnownHeights { grid, height_m, is_known, highest_m })
+        match self {
+            Self::KalmanGrid(work) => Some(work.known_heights()),
+            Self::MaternField(work) => work.known_heights(),
+        }
     }
 
     /// The same work for one volume instead of those of the bays: what lies over the hall's zero on these

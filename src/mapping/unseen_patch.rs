@@ -28,19 +28,45 @@ pub struct UnseenGround {
     var_m2: Vec<f64>,
 }
 
-/// The nodes of each patch of marked nodes that hang together; walls part them.
-fn patches(lattice: &Lattice, is_unseen: &[bool]) -> Vec<Vec<usize>> {
-    let mut is_left = is_unseen.to_vec();
+/// What is known of the ground at a node.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Ground {
+    /// It is seen, or does not count.
+    Known,
+    /// It is unseen beside what is seen. Thin gaps between scans are made of such nodes alone: they hang
+    /// together over the whole map, and make no patch.
+    Rim,
+    /// It is unseen, and so is all around it.
+    Core,
+}
+
+/// A node of a patch.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct OpenNode {
+    /// Where it is, x and y, m.
+    pub place_m: (f64, f64),
+    /// Area that it stands for, m².
+    pub area_m2: f64,
+    /// w σ, m³.
+    pub error_m3: f64,
+}
+
+/// The nodes of each patch: cores that hang together, and their rims; walls part them.
+pub(super) fn patches(lattice: &Lattice, ground: &[Ground]) -> Vec<Vec<usize>> {
+    let mut is_left: Vec<bool> = ground.iter().map(|ground| *ground != Ground::Known).collect();
     let mut patches = Vec::new();
     for seed in 0..is_left.len() {
-        if !std::mem::take(&mut is_left[seed]) {
+        if ground[seed] != Ground::Core || !std::mem::take(&mut is_left[seed]) {
             continue;
         }
         let mut patch = vec![seed];
         let mut next = 0;
         while let Some(node) = patch.get(next).copied() {
             next += 1;
-            patch.extend(lattice.joined(node).filter(|near| std::mem::take(&mut is_left[*near])));
+            if ground[node] == Ground::Core {
+                let beside = lattice.joined(node);
+                patch.extend(beside.filter(|near| std::mem::take(&mut is_left[*near])));
+            }
         }
         patches.push(patch);
     }
@@ -103,10 +129,10 @@ fn steps_to(lattice: &Lattice, is_marked: &[bool]) -> Vec<Option<usize>> {
 }
 
 impl UnseenGround {
-    /// The patches of these nodes; `var_m2`: variance of the height at every node, m².
+    /// The patches of this ground; `var_m2`: variance of the height at every node, m².
     #[must_use]
-    pub fn new(lattice: &Lattice, is_unseen: &[bool], var_m2: Vec<f64>) -> Self {
-        Self { patches: patches(lattice, is_unseen), var_m2 }
+    pub fn new(lattice: &Lattice, ground: &[Ground], var_m2: Vec<f64>) -> Self {
+        Self { patches: patches(lattice, ground), var_m2 }
     }
 
     /// What each patch, being off as a whole, adds to the variance of the volume with these weights and
@@ -158,12 +184,17 @@ mod tests {
     fn a_patch_is_off_as_a_whole_and_patches_are_not() {
         let lattice = Lattice::covering(&GRID, 0.0, |_, _| false);
         let n_cols = lattice.size().0;
-        let mut is_unseen = vec![false; lattice.n_nodes()];
-        // Three nodes that hang together, and one that touches them by a corner.
+        let mut ground = vec![Ground::Known; lattice.n_nodes()];
+        // Two nodes and their rim of one node, and one that touches that by a corner.
         let (one, other) = ([0, 1, n_cols + 1], [2 * n_cols + 2]);
-        one.iter().chain(&other).for_each(|node| is_unseen[*node] = true);
-        let found = patches(&lattice, &is_unseen);
-        assert_eq!(found, [one.to_vec(), other.to_vec()]);
+        one.iter().chain(&other).for_each(|node| ground[*node] = Ground::Core);
+        ground[n_cols + 1] = Ground::Rim;
+        // Rims lead nowhere, and make no patch by themselves.
+        ground[2 * n_cols + 1] = Ground::Rim;
+        ground[4] = Ground::Rim;
+        let found = patches(&lattice, &ground);
+        assert_eq!(found, [one.to_vec(), vec![other[0], 2 * n_cols + 1]]);
+        ground[2 * n_cols + 1] = Ground::Known;
 
         let mut var_m2 = vec![0.01; lattice.n_nodes()];
         var_m2[other[0]] = 0.04;
@@ -171,20 +202,21 @@ mod tests {
         let none = vec![0.0; lattice.n_nodes()];
         // (3 · 0.25 · 0.1)² and (0.25 · 0.2)² m⁶.
         let expected_m6 = [0.075_f64.powi(2), 0.05_f64.powi(2)];
-        let ground = UnseenGround::new(&lattice, &is_unseen, var_m2.clone());
-        let surplus = ground.surplus_m6(&w_m2, &none);
+        let unseen = UnseenGround::new(&lattice, &ground, var_m2.clone());
+        let surplus = unseen.surplus_m6(&w_m2, &none);
         let off = std::iter::zip(&surplus, expected_m6).map(|(got, expected)| got - expected);
         assert!(off.into_iter().all(|off| off.abs() < 1e-15), "{surplus:?}");
         // Nodes have their shares of it.
         let mut summands_m6 = none.clone();
-        ground.spread(&surplus, &w_m2, &mut summands_m6);
+        unseen.spread(&surplus, &w_m2, &mut summands_m6);
         assert!((summands_m6[1] - expected_m6[0] / 3.0).abs() < 1e-15);
         assert!((summands_m6.iter().sum::<f64>() - surplus.iter().sum::<f64>()).abs() < 1e-15);
         // A field that knows all heights to go together has it already.
-        let q: Vec<f64> = is_unseen.iter().map(|is| if *is { 0.075 * 0.1 } else { 0.0 }).collect();
-        assert!(ground.surplus_m6(&w_m2, &q)[0].abs() < 1e-15);
+        let by_field = |node| if one.contains(&node) { 0.075 * 0.1 } else { 0.0 };
+        let q: Vec<f64> = (0..lattice.n_nodes()).map(by_field).collect();
+        assert!(unseen.surplus_m6(&w_m2, &q)[0].abs() < 1e-15);
         var_m2[0] = f64::NAN;
-        let broken = UnseenGround { var_m2, ..ground };
+        let broken = UnseenGround { var_m2, ..unseen };
         assert!(broken.surplus_m6(&w_m2, &none)[0].is_nan(), "no number stays none");
     }
 
@@ -192,8 +224,7 @@ mod tests {
     fn walls_part_patches_and_distances_grow_with_the_steps() {
         // A wall at x = 1.5 m.
         let lattice = Lattice::covering(&GRID, 0.0, |a, b| (a.0 < 1.5) != (b.0 < 1.5));
-        let is_unseen = vec![true; lattice.n_nodes()];
-        let found = patches(&lattice, &is_unseen);
+        let found = patches(&lattice, &vec![Ground::Core; lattice.n_nodes()]);
         let is_west = |node: usize| lattice.place_m(node).0 < 1.5;
         let is_one_side =
             |patch: &Vec<usize>| patch.iter().all(|node| is_west(*node) == is_west(patch[0]));

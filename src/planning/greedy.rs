@@ -140,7 +140,7 @@ impl Choice<'_> {
                 && self.heights.as_ref().is_none_or(|heights| {
                     let origin = sensor.origin.coords;
                     let end = (origin + along.coords * range_m).xy();
-                    seen_ratio(heights, &origin, &end, 1.0) > 0.0
+                    seen_ratio(heights, &origin, &end) > 0.5
                 });
             if returns {
                 #[expect(clippy::cast_possible_truncation, reason = "beams are single precision")]

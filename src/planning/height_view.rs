@@ -1,47 +1,91 @@
 //! The newest surface as planners look at it: what hides what.
+//!
+//! ```text
+//!   LiDAR ●
+//!            ╲  over the highest crest between
+//!      ╱╲       ╲
+//!     ╱  ╲________╲ lowest height that is seen there, h_min
+//! ```
+//! Known ground is seen where it is no lower. Of unknown ground the height is a guess, below every ray that has passed
+//! over it, so it is seen with
+//!
+//! ```text
+//! P(h > h_min | f < h < u),   h ~ N(m, s²)
+//! ```
+//! - `m`, `s`: guess and its standard deviation, m, the guess taken half of that below the surface drawn there: ground is
+//!   unknown because it was hidden so far, so it lies low rather than high
+//! - `f`: the base, m; `u`: the lowest ray over it, m. A look that reaches no lower than those before sees nothing new.
 
 use crate::mapping::KnownHeights;
 use nalgebra::{Vector2, Vector3};
 
 /// The ray is looked at this often, in cells.
 const STEP_CELLS: f64 = 0.8;
-/// A cell hides what is behind it only if it stands this far above the ray, in cells.
+/// Known ground is hidden only by what stands this far above the ray, in cells; unknown ground is seen only by a ray that
+/// passes so far above what stands between.
 const CLEARANCE_CELLS: f64 = 0.4;
+/// Unknown ground lies so much lower than the surface drawn over it, in its σ.
+const HOLLOW_SIGMAS: f64 = 0.5;
+/// … and hardly lower than this many more.
+const LOWEST_SIGMAS: f64 = 3.0;
 
-/// Ground that no ray has reached yet lies so much lower than the surface drawn over it, m.
-const HOLLOW_M: f64 = 0.5;
-
-/// Share of the ground at `end` (x, y) that is seen from `origin`: none behind ground that the map
-/// knows; else all of it where the map knows it, and `unknown_ratio` where it does not.
+/// Share of the ground at `end` (x, y) that is seen from `origin`: all or none where the map knows it, else the
+/// probability that it stands high enough.
 #[must_use]
-pub fn seen_ratio(
+pub fn seen_ratio(heights: &KnownHeights, origin: &Vector3<f64>, end: &Vector2<f64>) -> f64 {
+    let Some(cell) = heights.grid.cell_at(end.x, end.y) else { return 0.0 };
+    let drawn_m = heights.height_m[cell];
+    let clearance_m = CLEARANCE_CELLS * heights.grid.cell_m;
+    let at_end = |height_m: f64| Vector3::new(end.x, end.y, height_m);
+    if heights.is_known[cell] {
+        let least_m = least_visible_m(heights, origin, &at_end(drawn_m), -clearance_m);
+        return if least_m > drawn_m { 0.0 } else { 1.0 };
+    }
+    let sigma_m = heights.sigma_m[cell].max(1e-6);
+    let guess_m = drawn_m - HOLLOW_SIGMAS * sigma_m;
+    let lowest_m = (guess_m - LOWEST_SIGMAS * sigma_m).max(heights.floor_m);
+    let least_m = least_visible_m(heights, origin, &at_end(lowest_m), clearance_m);
+    let below = |height_m: f64| normal_cdf((height_m - guess_m) / sigma_m);
+    let (floor, ceiling) = (below(heights.floor_m), below(heights.ceiling_m[cell]));
+    let possible = ceiling - floor;
+    // Between a floor and a ceiling that exclude each other nothing is left to see.
+    if possible < 1e-9 {
+        return 0.0;
+    }
+    ((ceiling - below(least_m).max(floor)) / possible).max(0.0)
+}
+
+/// The lowest height that is seen over `target` from `origin` by rays that pass this far above the known ground between,
+/// m; far below if even the target is seen.
+fn least_visible_m(
     heights: &KnownHeights,
     origin: &Vector3<f64>,
-    end: &Vector2<f64>,
-    unknown_ratio: f64,
+    target: &Vector3<f64>,
+    clearance_m: f64,
 ) -> f64 {
-    let Some(end_cell) = heights.grid.cell_at(end.x, end.y) else { return 0.0 };
-    // Ground is unknown because it was hidden so far: it lies low rather than high.
-    let hollow_m = if heights.is_known[end_cell] { 0.0 } else { HOLLOW_M };
-    let target = Vector3::new(end.x, end.y, heights.height_m[end_cell] - hollow_m);
     let way_m = (target - origin).xy().norm();
-    let cell_m = heights.grid.cell_m;
-    let n_parts = (way_m / (STEP_CELLS * cell_m)).ceil().max(1.0);
+    let n_parts = (way_m / (STEP_CELLS * heights.grid.cell_m)).ceil().max(1.0);
     let step = (origin - target) / n_parts;
+    let mut least_m = f64::NEG_INFINITY;
     // From the end, where the ray is lowest; the first cell is the ground itself.
     let mut on_ray = target + step;
     let mut k = 1.0;
-    while k < n_parts && on_ray.z <= heights.highest_m {
-        let hides = heights.grid.cell_at(on_ray.x, on_ray.y).is_some_and(|cell| {
-            heights.is_known[cell] && heights.height_m[cell] > on_ray.z + CLEARANCE_CELLS * cell_m
-        });
-        if hides {
-            return 0.0;
+    while k < n_parts && on_ray.z <= heights.highest_m + clearance_m.max(0.0) {
+        let cell = heights.grid.cell_at(on_ray.x, on_ray.y);
+        if let Some(cell) = cell.filter(|cell| heights.is_known[*cell]) {
+            let top_m = heights.height_m[cell] + clearance_m;
+            // The ray over this cell, followed to the end.
+            least_m = least_m.max(origin.z - (origin.z - top_m) * n_parts / (n_parts - k));
         }
         on_ray += step;
         k += 1.0;
     }
-    if heights.is_known[end_cell] { 1.0 } else { unknown_ratio }
+    least_m
+}
+
+/// Φ of the standard normal distribution.
+fn normal_cdf(z: f64) -> f64 {
+    0.5 * libm::erfc(-z * std::f64::consts::FRAC_1_SQRT_2)
 }
 
 #[cfg(test)]
@@ -49,39 +93,65 @@ mod tests {
     use super::*;
     use crate::messages::GridGeometry;
 
+    const SIGMA_M: f64 = 0.5;
+
     /// A level floor with a wall of 2 m at x = 5 m; nothing is known beyond x = 8 m.
     fn hall() -> KnownHeights {
         let grid = GridGeometry { x_min_m: 0.0, y_min_m: 0.0, cell_m: 0.25, n_cols: 48, n_rows: 4 };
         let x_m = |cell: usize| grid.centre_m(cell).0;
-        KnownHeights {
-            grid,
-            height_m: (0..grid.n_cells())
-                .map(|cell| if (5.0..5.25).contains(&x_m(cell)) { 2.0 } else { 0.0 })
-                .collect(),
-            is_known: (0..grid.n_cells()).map(|cell| x_m(cell) < 8.0).collect(),
-            highest_m: 2.0,
+        let height_m = |cell| if (5.0..5.25).contains(&x_m(cell)) { 2.0 } else { 0.0 };
+        let heights_m = (0..grid.n_cells()).map(height_m).collect();
+        let is_known = (0..grid.n_cells()).map(|cell| x_m(cell) < 8.0).collect();
+        KnownHeights::new(grid, heights_m, is_known, SIGMA_M)
+    }
+
+    fn seen(heights: &KnownHeights, height_m: f64, x_m: f64) -> f64 {
+        let origin = Vector3::new(1.0, 0.5, height_m);
+        seen_ratio(heights, &origin, &Vector2::new(x_m, 0.5))
+    }
+
+    #[test]
+    fn a_wall_hides_the_known_ground_behind_it_and_nothing_else() {
+        let heights = hall();
+        // From 4 m over x = 1 m the ray over the wall's far top at x = 5.25 m meets the floor at x = 9.5 m.
+        for (height_m, x_m, ratio) in [
+            (4.0, 3.0, 1.0),
+            (4.0, 4.5, 1.0),
+            (4.0, 6.0, 0.0),
+            (4.0, 7.5, 0.0),
+            // From 16 m the shadow is less than 0.6 m long.
+            (16.0, 6.0, 1.0),
+            // Off the map.
+            (4.0, 12.0, 0.0),
+        ] {
+            let got = seen(&heights, height_m, x_m);
+            assert!((got - ratio).abs() < 1e-12, "{height_m} m, x = {x_m} m: {got}");
         }
     }
 
     #[test]
-    fn a_wall_hides_the_ground_behind_it_and_nothing_else() {
-        let heights = hall();
-        let seen = |height_m: f64, x_m: f64| {
-            let origin = Vector3::new(1.0, 0.5, height_m);
-            seen_ratio(&heights, &origin, &Vector2::new(x_m, 0.5), 0.7)
-        };
-        // From 4 m over x = 1 m the ray over the wall's far top at x = 5.25 m meets the floor at x = 9.5 m,
-        // and unknown ground, which is looked for half a metre lower, at x = 10.6 m.
-        let is = |(height_m, x_m): (f64, f64), ratio: f64| {
-            assert!((seen(height_m, x_m) - ratio).abs() < 1e-12, "{height_m} m, x = {x_m} m");
-        };
-        [3.0, 4.5].iter().for_each(|x_m| is((4.0, *x_m), 1.0));
-        [6.0, 7.5, 8.5, 9.8].iter().for_each(|x_m| is((4.0, *x_m), 0.0));
-        is((4.0, 11.2), 0.7);
-        // From 16 m the shadow is less than 0.6 m long.
-        is((16.0, 6.0), 1.0);
-        is((16.0, 8.5), 0.7);
-        // Off the map.
-        is((4.0, 12.0), 0.0);
+    fn unknown_ground_is_seen_as_far_as_it_may_stand_high() {
+        // The guess is N(−0.25, 0.5²). At x = 8.5 m the ray 0.1 m over the wall is 0.65 m high if it touches the
+        // wall's far edge, and 0.48 m one step before it: upper tails of 1.79 σ and 1.46 σ (Abramowitz and Stegun,
+        // table 26.1).
+        let mut heights = hall();
+        let free = seen(&heights, 4.0, 8.5);
+        assert!((0.0367..0.0722).contains(&free), "{free}");
+        // A floor at 0 m leaves the upper tail of 0.5 σ, 0.3085, to be shared out.
+        heights.floor_m = 0.0;
+        let floored = seen(&heights, 4.0, 8.5);
+        assert!((floored - free / 0.308_538).abs() < 1e-5, "{floored}");
+        // Everything on that floor is seen from above, and where the shadow has ended.
+        assert!((seen(&heights, 16.0, 8.5) - 1.0).abs() < 1e-12);
+        assert!((seen(&heights, 4.0, 11.0) - 1.0).abs() < 1e-12);
+        // Rays that passed lower have shown already that nothing stands there.
+        heights.ceiling_m = vec![0.45; heights.ceiling_m.len()];
+        assert!(seen(&heights, 4.0, 8.5) < 1e-12);
+        assert!((seen(&heights, 16.0, 8.5) - 1.0).abs() < 1e-12);
+        heights.ceiling_m = vec![-0.1; heights.ceiling_m.len()];
+        assert!(
+            seen(&heights, 16.0, 8.5) < 1e-12,
+            "nothing is between this floor and that ceiling"
+        );
     }
 }

@@ -2,14 +2,14 @@
 //! surest within the length that may be flown.
 //!
 //! ```text
-//! cost = L + Λ max(0, ln(σ^V/σ_target))        L: metres at cruise, waiting for a turn included
+//! cost = L + Λ max(0, ln(σ^V/σ_target))        L: metres, and a little for waiting until a turn is done
 //! ```
 //! Λ is the length that one e-fold of σ^V is worth; with a gain per metre below 1/Λ more
 //! flying is not worth while. Every path is scored by the σ^V that it would leave on a coarse lattice
 //! ([`crate::mapping::belief`]), the fix quality on the way included.
 //!
-//! Seeds are square waves of many spacings, directions, margins and corners (`seeds`) and the rest of
-//! the present plan; the best go through a local search over their waypoints (`search`). Volume
+//! Seeds are square waves of many spacings, directions, margins and corners (`seeds`), single legs and the rest
+//! of the present plan; the best go through a local search over their waypoints (`search`). Volume
 //! variance is not submodular, so looking one step ahead has no guarantee, and measures worst.
 
 mod path;

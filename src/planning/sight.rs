@@ -23,7 +23,7 @@ use super::free_space::FreeSpace;
 use super::height_view::seen_ratio;
 use super::space::SpaceSettings;
 use crate::mapping::KnownHeights;
-use crate::mapping::belief::{CoarseField, Sightings, height_and_tilt_cov};
+use crate::mapping::belief::{Chance, CoarseField, Sightings, height_and_tilt_cov};
 use crate::mapping::polygon::Polygon;
 use crate::mapping::projection::LidarMount;
 use crate::mapping::solid::{self, Solid};
@@ -172,31 +172,37 @@ impl Sight {
             }
             let end = now.ends[i];
             let Some(row) = field.lattice().row_at(end.x, end.y) else { continue };
-            if self.is_blocked(&now.origin, &end) {
+            let known =
+                heights.and_then(|heights| Some((heights, heights.grid.cell_at(end.x, end.y)?)));
+            let ground_m =
+                known.map_or(self.nominal_height_m, |(heights, cell)| heights.height_m[cell]);
+            if self.is_blocked(&now.origin, &Vector3::new(end.x, end.y, ground_m)) {
                 continue;
             }
             let line = turned(&ray.line, now.turn);
             let shift = end - before.ends[i];
             let sweep_m = (shift.x * line.y - shift.y * line.x).abs().max(LEAST_SWEEP_M);
             let area_m2 = sweep_m * ray.ground * now.drop_m;
-            let share = heights.map_or(ray.seen_ratio, |heights| {
-                seen_ratio(heights, &now.origin, &end, ray.seen_ratio)
-            });
+            let high = heights.map_or(1.0, |heights| seen_ratio(heights, &now.origin, &end));
             let arm = end - at.place.coords.xy();
-            seen.add(&row, field.info_per_area_seen_with(share) * area_m2, (arm.x, arm.y));
-            seen.count(&row, area_m2 * share);
+            let is_known = known.is_some_and(|(heights, cell)| heights.is_known[cell]);
+            let chance = Chance { open: if is_known { 1.0 } else { ray.seen_ratio }, high };
+            let info_per_area = field.info_per_area_seen_with(chance.open * chance.high);
+            seen.add(&row, info_per_area * area_m2, (arm.x, arm.y));
+            if !is_known {
+                seen.look(&row, area_m2, chance);
+            }
         }
     }
 }
 
 impl Sight {
     /// True if something solid stands between.
-    fn is_blocked(&self, origin: &Vector3<f64>, end: &Vector2<f64>) -> bool {
-        let target = Vector3::new(end.x, end.y, self.nominal_height_m);
+    fn is_blocked(&self, origin: &Vector3<f64>, target: &Vector3<f64>) -> bool {
         let is_walled = |walls: &Polygon| {
-            walls.border_distance_of_line_m((origin.x, origin.y), (end.x, end.y)) <= 0.0
+            walls.border_distance_of_line_m((origin.x, origin.y), (target.x, target.y)) <= 0.0
         };
-        solid::blocks_sight(&self.obstacles, origin, &target)
+        solid::blocks_sight(&self.obstacles, origin, target)
             || self.walls.as_ref().is_some_and(is_walled)
     }
 }

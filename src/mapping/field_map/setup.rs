@@ -8,6 +8,7 @@ use crate::mapping::footprint::Footprint;
 use crate::mapping::matern_field::Information;
 use crate::mapping::ray_ceiling::RayCeiling;
 use crate::mapping::shares::SeenCells;
+use crate::mapping::unseen_patch::{Ground, VarBesideSeen};
 use std::sync::Arc;
 
 /// A cell counts as seen from this much of a patch on: one hit in its middle, or two beside it.
@@ -78,6 +79,23 @@ impl Setup {
     pub(super) fn own_var_m2(&self, info: &Information) -> Vec<f64> {
         let prior_info = self.settings.sigma_m.powi(-2);
         (0..info.n_nodes()).map(|node| 1.0 / (prior_info + info.info_per_m2(node))).collect()
+    }
+
+    /// The variance of every node by its distance to known ones, m².
+    pub(super) fn var_beside_m2(&self, is_known: &[bool]) -> Vec<f64> {
+        let beside = VarBesideSeen::new(&self.settings.prior(), self.lattice.spacing_m());
+        beside.on(&self.lattice, is_known)
+    }
+
+    /// What is known of the ground at each node, of which these areas count.
+    pub(super) fn ground(&self, is_known: &[bool], areas_m2: &[f64]) -> Vec<Ground> {
+        let is_hidden = self.lattice.far_from(is_known);
+        let at_node = |node: usize| match () {
+            () if is_known[node] || areas_m2[node] <= 0.0 => Ground::Known,
+            () if is_hidden[node] => Ground::Core,
+            () => Ground::Rim,
+        };
+        (0..self.lattice.n_nodes()).map(at_node).collect()
     }
 
     /// No beam has passed over anything.

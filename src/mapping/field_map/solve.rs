@@ -12,8 +12,8 @@ use crate::mapping::left_out::{self, LeftOut};
 use crate::mapping::matern_field::{self, FieldError, Information, Solution, Solver};
 use crate::mapping::ray_ceiling::RayCeiling;
 use crate::mapping::roughness::Residuals;
-use crate::mapping::surface_work::SolvedSurface;
-use crate::mapping::unseen_patch::{UnseenGround, VarBesideSeen};
+use crate::mapping::surface_work::{KnownHeights, SolvedSurface};
+use crate::mapping::unseen_patch::{self, OpenNode, UnseenGround};
 use crate::messages::{BudgetRow, BudgetSource, CellCoverage, GridGeometry, HeightMap};
 use crate::time::{Mono, Stamp};
 use std::sync::Arc;
@@ -151,6 +151,7 @@ impl SolveField {
                 let scatter_m = data.residuals.scatter_m().or(before.and_then(|b| b.scatter_m));
                 let newest = NewestField {
                     heights_m: solution.height_m().to_vec(),
+                    var_m2: var_m2.clone().unwrap_or_else(|| setup.var_beside_m2(&is_known)),
                     is_known,
                     scatter_m,
                     hidden: next,
@@ -223,20 +224,6 @@ impl SolveField {
         data
     }
 
-    /// The ground that counts and that no beam came near; where exact variances cost too much, with those that its
-    /// distance to seen ground gives.
-    fn unseen_ground(&self, round: &Round, is_hidden: &[bool], areas_m2: &[f64]) -> UnseenGround {
-        let lattice = &self.setup.lattice;
-        let is_unseen: Vec<bool> = std::iter::zip(is_hidden, areas_m2)
-            .map(|(is_hidden, area_m2)| *is_hidden && *area_m2 > 0.0)
-            .collect();
-        let var_m2 = round.var_m2.clone().unwrap_or_else(|| {
-            let prior = self.setup.settings.prior();
-            VarBesideSeen::new(&prior, lattice.spacing_m()).on(lattice, &round.newest.is_known)
-        });
-        UnseenGround::new(lattice, &is_unseen, var_m2)
-    }
-
     /// The volumes of a solution with their budgets.
     fn account(
         &self,
@@ -261,7 +248,9 @@ impl SolveField {
         let range_m = setup.settings.range_m;
         let is_hidden = setup.lattice.far_from(&round.newest.is_known);
         let is_bridged: Vec<bool> = is_hidden.iter().map(|is_hidden| !is_hidden).collect();
-        let unseen = self.unseen_ground(&round, &is_hidden, &areas_m2[0]);
+        let newest = &round.newest;
+        let ground = setup.ground(&newest.is_known, &areas_m2[0]);
+        let unseen = UnseenGround::new(&setup.lattice, &ground, newest.var_m2.clone());
         let surplus_m6: Vec<Vec<f64>> = std::iter::zip(&areas_m2, &q_m2)
             .map(|(areas_m2, q_m2)| unseen.surplus_m6(areas_m2, q_m2))
             .collect();
@@ -345,13 +334,46 @@ impl SolveField {
     }
 
     /// Cells, their heights, and which rest on data.
-    pub(in crate::mapping) fn known_heights(&self) -> Option<(GridGeometry, Vec<f64>, Vec<bool>)> {
+    pub(in crate::mapping) fn known_heights(&self) -> Option<KnownHeights> {
         let newest = self.newest.as_ref()?;
         let lattice = &self.setup.lattice;
-        let grid = *lattice.grid();
+        let of_cells = |at_node: &dyn Fn(usize) -> f64| -> Vec<f64> {
+            (0..lattice.grid().n_cells()).map(|cell| at_node(lattice.node_of_cell(cell))).collect()
+        };
         let is_known = |cell| newest.is_known[lattice.node_of_cell(cell)];
-        let known = (0..grid.n_cells()).map(is_known).collect();
-        Some((grid, lattice.on_cells(&newest.heights_m), known))
+        let is_known = (0..lattice.grid().n_cells()).map(is_known).collect();
+        let heights_m = lattice.on_cells(&newest.heights_m);
+        Some(KnownHeights {
+            sigma_m: of_cells(&|node| newest.var_m2[node].max(0.0).sqrt()),
+            floor_m: self
+                .setup
+                .bays
+                .first()
+                .and_then(|whole| whole.base.lowest_m())
+                .unwrap_or(f64::NEG_INFINITY),
+            ceiling_m: of_cells(&|node| self.ceiling.at_node_m(node).unwrap_or(f64::INFINITY)),
+            ..KnownHeights::new(*lattice.grid(), heights_m, is_known, self.setup.settings.sigma_m)
+        })
+    }
+
+    /// Patch by patch, the ground that the newest surface leaves unseen, but for cells that were hit since;
+    /// `None` before there is a surface.
+    pub(in crate::mapping) fn open_patches(&self, is_hit: &[bool]) -> Option<Vec<Vec<OpenNode>>> {
+        let newest = self.newest.as_ref()?;
+        let lattice = &self.setup.lattice;
+        let mut is_known = newest.is_known.clone();
+        for (cell, _) in is_hit.iter().enumerate().filter(|(_, is_hit)| **is_hit) {
+            is_known[lattice.node_of_cell(cell)] = true;
+        }
+        let areas_m2 = self.setup.areas_m2().swap_remove(0);
+        let ground = self.setup.ground(&is_known, &areas_m2);
+        let open_node = |node: &usize| {
+            let sigma_m = newest.var_m2[*node].max(0.0).sqrt();
+            let area_m2 = areas_m2[*node];
+            OpenNode { place_m: lattice.place_m(*node), area_m2, error_m3: area_m2 * sigma_m }
+        };
+        let patches = unseen_patch::patches(lattice, &ground);
+        Some(patches.iter().map(|patch| patch.iter().map(open_node).collect()).collect())
     }
 
     /// Shows every patch that the newest surface believes, of the turns up to an instant, with its

@@ -12,7 +12,7 @@ pub(super) struct Path {
     pub(super) legs: Vec<Arc<Sightings>>,
     /// Metres of the path.
     pub(super) length_m: f64,
-    /// The same at cruise, waiting for turns included.
+    /// What they cost, waiting for turns included, m.
     pub(super) cost_m: f64,
     /// σ^V at its end, m³.
     pub(super) sigma_m3: f64,

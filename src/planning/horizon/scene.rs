@@ -15,11 +15,16 @@ pub(super) const METRES_PER_E_FOLD: f64 = 150.0;
 /// The same while a target is not reached: low enough that the length is felt on the way there.
 const METRES_PER_E_FOLD_ABOVE_TARGET: f64 = 60.0;
 /// The plan aims this far below the target, for predictions are not exact.
-const AIM_SHARE: f64 = 0.95;
+const AIM_SHARE: f64 = 0.9;
 /// σ^V of accounts over that of the coarse lattice before there is an account.
 const USUAL_SCALE: f64 = 1.15;
 /// Bounds of that ratio: beyond them the lattice says nothing of this map.
 const SCALES: (f64, f64) = (0.5, 10.0);
+/// A metre at cruise is worth so much waiting for a turn, in metres of the same time: what counts is the way, but nobody
+/// hovers for it without end.
+const WAITING_SHARE: f64 = 0.15;
+/// With a σ^V so many times the target's, paths are looked for that have nothing in common with the present plan.
+const FAR_TARGETS: f64 = 4.0;
 /// Turning costs a little even where it takes no time, m/rad: of equal paths the calmer one.
 const TURN_COST_M: f64 = 0.05;
 /// A waypoint costs a little, m.
@@ -31,8 +36,8 @@ pub(super) struct Scene<'a> {
     field: &'a CoarseField,
     sight: Sight,
     heights: Option<KnownHeights>,
-    /// The map, and what will be seen on the way along the pending waypoints.
-    known: Sightings,
+    /// The map, and what each leg along the pending waypoints will see.
+    known: Vec<Sightings>,
     seen_var_m6: f64,
     /// σ^V of the account over that of the coarse lattice for the same data.
     scale: f64,
@@ -58,8 +63,8 @@ impl<'a> Scene<'a> {
         )
         .among(&settings.space);
         let heights = settings.sees_shadows.then(|| surface.known_heights()).flatten();
-        let mut known = field.seen(surface, None);
-        let seen_var_m6 = field.volume_var(&[&known]).ok()?.total_m6();
+        let mut known = vec![field.seen(surface, None)];
+        let seen_var_m6 = field.volume_var(&[&known[0]]).ok()?.total_m6();
         let scale = request.accounted.map_or(USUAL_SCALE, |account| {
             let then = field.volume_var(&[&field.seen(surface, Some(account.at))]);
             let flown_m6 = account.sigma_m3.powi(2) - request.constant_var_m6;
@@ -72,7 +77,7 @@ impl<'a> Scene<'a> {
         for pair in request.pending.windows(2) {
             let leg =
                 sight.on_way(field, &request.free_space, heights.as_ref(), (&pair[0], &pair[1]));
-            known.merge(leg).ok()?;
+            known.push(leg);
         }
         Some(Self {
             request,
@@ -108,12 +113,13 @@ impl<'a> Scene<'a> {
         self.request.free_space.quality().axes().z.n > 1
     }
 
-    /// What a leg costs in metres at cruise: a turn that takes longer than the way is waited for.
+    /// What a leg costs in metres: a turn that takes longer than the way is waited for.
     fn leg_cost_m(&self, from: &Waypoint, to: &Waypoint) -> f64 {
         let turn_rad = wrapped_rad(to.yaw_rad - from.yaw_rad).abs();
         let settings = &self.request.settings;
         let turn_m = settings.limits.speed_mps * turn_rad / settings.limits.yaw_rate_radps;
-        from.distance_m(to).max(turn_m) + TURN_COST_M * turn_rad + WAYPOINT_COST_M
+        let way_m = from.distance_m(to);
+        way_m + WAITING_SHARE * (turn_m - way_m).max(0.0) + TURN_COST_M * turn_rad + WAYPOINT_COST_M
     }
 
     /// The waypoints of a straight leg, no further apart than a step.
@@ -205,9 +211,15 @@ impl<'a> Scene<'a> {
     pub(super) fn sigma_m3(&mut self, legs: &[Arc<Sightings>]) -> Option<f64> {
         self.n_looked_at += 1;
         let parts: Vec<&Sightings> =
-            std::iter::once(&self.known).chain(legs.iter().map(Arc::as_ref)).collect();
+            self.known.iter().chain(legs.iter().map(Arc::as_ref)).collect();
         let var = self.field.volume_var(&parts).ok()?;
         Some(self.sigma_of_m3(var.total_m6()))
+    }
+
+    /// True while so much is unknown that what is planned may have to be turned over.
+    pub(super) fn is_far_from_target(&self) -> bool {
+        let far_m3 = self.target_m3().map(|target_m3| FAR_TARGETS * target_m3);
+        far_m3.is_some_and(|far_m3| self.sigma_now_m3() > far_m3)
     }
 
     /// σ^V as an account would have it.

@@ -12,6 +12,8 @@ use std::f64::consts::{FRAC_PI_2, PI};
 const N_BEST: usize = 4;
 /// Legs of the square waves.
 const MOST_LEGS: u32 = 5;
+/// Legs of those that are looked at in flight.
+const MOST_LEGS_AGAIN: u32 = 3;
 /// Margins at the ends of the legs, as shares of the extent.
 const MARGINS: [f64; 3] = [0.0, 0.15, 0.3];
 /// Single legs lead to a grid of this many places each way.
@@ -20,7 +22,8 @@ const N_PLACES: u32 = 5;
 /// The best square waves and single legs of all.
 pub(super) fn best_of_all(scene: &mut Scene<'_>) -> Vec<Path> {
     let mut best = Vec::new();
-    for waypoints in single_legs(scene).into_iter().chain(square_waves(scene)) {
+    for waypoints in single_legs(scene).into_iter().chain(square_waves(scene, MOST_LEGS, &MARGINS))
+    {
         if let Some(path) = shortest_part(scene, waypoints, &best) {
             keep(&mut best, path);
         }
@@ -31,7 +34,7 @@ pub(super) fn best_of_all(scene: &mut Scene<'_>) -> Vec<Path> {
 /// The best of the square waves.
 pub(super) fn best_square_wave(scene: &mut Scene<'_>) -> Option<Path> {
     let mut best = Vec::new();
-    for waypoints in square_waves(scene) {
+    for waypoints in square_waves(scene, MOST_LEGS, &MARGINS) {
         if let Some(path) = shortest_part(scene, waypoints, &best) {
             keep(&mut best, path);
         }
@@ -39,7 +42,8 @@ pub(super) fn best_square_wave(scene: &mut Scene<'_>) -> Option<Path> {
     best.into_iter().next()
 }
 
-/// The rest of the present plan, and single legs in case that something new came up.
+/// The rest of the present plan, and single legs in case that something new came up; while little is known, short
+/// square waves as well.
 pub(super) fn around_present(scene: &mut Scene<'_>, current: &[Waypoint]) -> Vec<Path> {
     let mut best = Vec::new();
     let corners = corners_of(&scene.start, current);
@@ -51,6 +55,13 @@ pub(super) fn around_present(scene: &mut Scene<'_>, current: &[Waypoint]) -> Vec
     for waypoints in single_legs(scene) {
         if let Some(path) = scene.path(waypoints, None) {
             keep(&mut best, path);
+        }
+    }
+    if scene.is_far_from_target() {
+        for waypoints in square_waves(scene, MOST_LEGS_AGAIN, &MARGINS[1..]) {
+            if let Some(path) = shortest_part(scene, waypoints, &best) {
+                keep(&mut best, path);
+            }
         }
     }
     best
@@ -93,10 +104,10 @@ fn shortest_part(
     scene.path(whole.waypoints[..high].to_vec(), Some(&whole))
 }
 
-fn square_waves(scene: &Scene<'_>) -> Vec<Vec<Waypoint>> {
+fn square_waves(scene: &Scene<'_>, most_legs: u32, margins: &[f64]) -> Vec<Vec<Waypoint>> {
     let mut waves = Vec::new();
-    for n_legs in 1..=MOST_LEGS {
-        for margin in MARGINS {
+    for n_legs in 1..=most_legs {
+        for &margin in margins {
             for corner in 0..4 {
                 for is_along_x in [true, false] {
                     let shape = Shape { n_legs, margin, corner, is_along_x };
