@@ -3,20 +3,21 @@
 //!
 //! ```text
 //! Q = Q0 + Σ_seen a aᵀ ι dA,   q = Q⁻¹ w
-//! (σ^V)² = wᵀ q + Σ_k s_kᵀ P_k s_k + Σ_j s² (A_j e_j)² + Σ_p (S_p² − Σ_{j∈p} u_j √v_j q_j)₊ + c
+//! (σ^V)² = wᵀ q + Σ_k s_kᵀ P_k s_k + Σ_j s² (A_j e_j)² + Σ_p (S_p² − (Σ_{j∈p} u_j √v_j q_j)₊)₊ + c
 //! s_k = Σ_{i∈k} ι_i a_iᵀ q ∂z_i/∂(z, θ_x, θ_y),   S_p = Σ_{j∈p} u_j σ_j √v_j
 //! ```
 //! - `ι`: information about the coarse field per area that was seen, 1/m⁴: seen ground counts
 //!   once, however many beams hit it, but for what the noise of the beams leaves
 //! - `k`: stretch of a flight over which the pose's error stays the same; `P_k` its covariance
-//! - `A_j`: area around node j that no beam has hit, m²; `e_j`: the share of it that looks leave ([`looks`]), holes too small for
+//! - `A_j`: area around node j that no beam has hit, m²; `e_j`: the share of it that looks leave (`looks`), holes too small for
 //!   the lattice, whose mean height differs by `s` from what the nodes around say
 //! - `p`: patches that are off as a whole ([`super::unseen_patch`]), each with its area `u_j` and σ at node j; `v_j`: the
 //!   share of its variance that looks leave. They are the map's own; without a map, they are made of the nodes around which
 //!   most stays unseen, with σ by the distance to the others
 //! - `c`: what no flight changes (calibration, base), m⁶
 //!
-//! Checked: `coarse_variance_matches_dense_algebra`.
+//! Checked: `coarse_variance_matches_dense_algebra`, `a_patch_of_the_map_is_off_as_a_whole_until_it_is_looked_at`,
+//! `crests_are_others_for_each_look_and_depth_is_the_same_for_all`.
 
 mod looks;
 mod open_patch;
@@ -308,8 +309,9 @@ impl CoarseField {
             .sum();
         let open_m2 = self.open_m2(parts);
         let looks = || parts.iter().map(|part| &part.looks);
+        let mut scratch = Vec::new();
         let rests: Vec<Rest> = std::iter::zip(0.., &open_m2)
-            .map(|(node, open_m2)| Rest::of(looks(), node, *open_m2))
+            .map(|(node, open_m2)| Rest::of(looks(), node, *open_m2, &mut scratch))
             .collect();
         let patches = parts.iter().find_map(|part| part.patches.as_ref());
         Ok(VolumeVar {
@@ -345,7 +347,7 @@ impl CoarseField {
         q_m2: &[f64],
     ) -> f64 {
         let (lattice, whole_m2) = (self.lattice(), self.functional.weights());
-        let var_shares: Vec<f64> = rests.iter().map(Rest::var_share).collect();
+        let var_shares: Vec<f64> = rests.iter().map(|rest| rest.var_share).collect();
         let ground_at = |node: usize| {
             let is_core = whole_m2[node] > 0.0
                 && open_m2[node] > looks::UNSEEN_SHARE * whole_m2[node]
@@ -364,7 +366,8 @@ impl CoarseField {
     }
 
     fn holes_m6(&self, open_m2: &[f64], rests: &[Rest]) -> f64 {
-        let holes_m2 = std::iter::zip(open_m2, rests).map(|(open_m2, rest)| open_m2 * rest.shaded);
+        let holes_m2 =
+            std::iter::zip(open_m2, rests).map(|(open_m2, rest)| open_m2 * rest.area_share);
         self.hole_var_m2 * holes_m2.map(|hole_m2| hole_m2.powi(2)).sum::<f64>()
     }
 }
@@ -384,7 +387,7 @@ impl Sightings {
     }
 
     /// Counts an area as seen, m², whatever it says.
-    pub fn count(&mut self, row: &Row, area_m2: f64) {
+    fn count(&mut self, row: &Row, area_m2: f64) {
         for (node, weight) in std::iter::zip(row.nodes, row.weights) {
             self.seen_m2[node as usize] += weight * area_m2;
         }

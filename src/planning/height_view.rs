@@ -14,7 +14,8 @@
 //! ```
 //! - `m`, `s`: guess and its standard deviation, m, the guess taken half of that below the surface drawn there: ground is
 //!   unknown because it was hidden so far, so it lies low rather than high
-//! - `f`: the base, m; `u`: the lowest ray over it, m. A look that reaches no lower than those before sees nothing new.
+//! - `f`: the lowest base, m; `u`: what rays that passed over it leave, m. A look that reaches no lower than those before sees
+//!   nothing new.
 
 use crate::mapping::KnownHeights;
 use nalgebra::{Vector2, Vector3};
@@ -26,8 +27,10 @@ const STEP_CELLS: f64 = 0.8;
 const CLEARANCE_CELLS: f64 = 0.4;
 /// Unknown ground lies so much lower than the surface drawn over it, in its σ.
 const HOLLOW_SIGMAS: f64 = 0.5;
-/// … and hardly lower than this many more.
-const LOWEST_SIGMAS: f64 = 3.0;
+/// … and hardly farther from that than this many.
+const FAR_SIGMAS: f64 = 3.0;
+/// A floor and a ceiling that leave the guess less than this contradict it.
+const LEAST_POSSIBLE: f64 = 1e-6;
 
 /// Share of the ground at `end` (x, y) that is seen from `origin`: all or none where the map knows it, else the
 /// probability that it stands high enough.
@@ -36,33 +39,49 @@ pub fn seen_ratio(heights: &KnownHeights, origin: &Vector3<f64>, end: &Vector2<f
     let Some(cell) = heights.grid.cell_at(end.x, end.y) else { return 0.0 };
     let drawn_m = heights.height_m[cell];
     let clearance_m = CLEARANCE_CELLS * heights.grid.cell_m;
-    let at_end = |height_m: f64| Vector3::new(end.x, end.y, height_m);
+    let span = |low_m: f64, high_m: f64| Span { place: *end, low_m, high_m };
     if heights.is_known[cell] {
-        let least_m = least_visible_m(heights, origin, &at_end(drawn_m), -clearance_m);
+        let least_m = least_visible_m(heights, origin, &span(drawn_m, drawn_m), -clearance_m);
         return if least_m > drawn_m { 0.0 } else { 1.0 };
     }
     let sigma_m = heights.sigma_m[cell].max(1e-6);
     let guess_m = drawn_m - HOLLOW_SIGMAS * sigma_m;
-    let lowest_m = (guess_m - LOWEST_SIGMAS * sigma_m).max(heights.floor_m);
-    let least_m = least_visible_m(heights, origin, &at_end(lowest_m), clearance_m);
+    let (floor_m, ceiling_m) = (heights.floor_m, heights.ceiling_m[cell]);
     let below = |height_m: f64| normal_cdf((height_m - guess_m) / sigma_m);
-    let (floor, ceiling) = (below(heights.floor_m), below(heights.ceiling_m[cell]));
-    let possible = ceiling - floor;
-    // Between a floor and a ceiling that exclude each other nothing is left to see.
-    if possible < 1e-9 {
+    let (floor, ceiling) = (below(floor_m), below(ceiling_m));
+    if ceiling - floor < LEAST_POSSIBLE {
+        // Neither is as sure as that: the ground is at the one that is nearer to the guess.
+        let height_m = if guess_m > ceiling_m { ceiling_m } else { guess_m.max(floor_m) };
+        let least_m = least_visible_m(heights, origin, &span(height_m, height_m), clearance_m);
+        return if least_m > height_m { 0.0 } else { 1.0 };
+    }
+    let far_m = FAR_SIGMAS * sigma_m;
+    let low_m = (guess_m - far_m).max(floor_m);
+    let high_m = (guess_m + far_m).min(ceiling_m);
+    let least_m = least_visible_m(heights, origin, &span(low_m, high_m), clearance_m);
+    if least_m >= high_m {
         return 0.0;
     }
-    ((ceiling - below(least_m).max(floor)) / possible).max(0.0)
+    ((ceiling - below(least_m).max(floor)) / (ceiling - floor)).clamp(0.0, 1.0)
 }
 
-/// The lowest height that is seen over `target` from `origin` by rays that pass this far above the known ground between,
-/// m; far below if even the target is seen.
+/// Where ground may lie.
+struct Span {
+    /// x and y, m.
+    place: Vector2<f64>,
+    low_m: f64,
+    high_m: f64,
+}
+
+/// The lowest height that is seen there from `origin` by rays that pass this far above the known ground between, m;
+/// minus infinity if all of the span is, and no more exact than needed if none is.
 fn least_visible_m(
     heights: &KnownHeights,
     origin: &Vector3<f64>,
-    target: &Vector3<f64>,
+    span: &Span,
     clearance_m: f64,
 ) -> f64 {
+    let target = Vector3::new(span.place.x, span.place.y, span.low_m);
     let way_m = (target - origin).xy().norm();
     let n_parts = (way_m / (STEP_CELLS * heights.grid.cell_m)).ceil().max(1.0);
     let step = (origin - target) / n_parts;
@@ -70,7 +89,7 @@ fn least_visible_m(
     // From the end, where the ray is lowest; the first cell is the ground itself.
     let mut on_ray = target + step;
     let mut k = 1.0;
-    while k < n_parts && on_ray.z <= heights.highest_m + clearance_m.max(0.0) {
+    while k < n_parts && on_ray.z <= heights.highest_m + clearance_m && least_m <= span.high_m {
         let cell = heights.grid.cell_at(on_ray.x, on_ray.y);
         if let Some(cell) = cell.filter(|cell| heights.is_known[*cell]) {
             let top_m = heights.height_m[cell] + clearance_m;

@@ -30,8 +30,8 @@ pub struct Horizon;
 const N_FRESH: usize = 1500;
 /// Going on at all is judged as if it cost this much more, m.
 const LEAST_COST_M: f64 = 1.0;
-/// Paths that are looked at to better the present plan.
-const N_AGAIN: usize = 450;
+/// Paths that are looked at to better the present plan, seeds included.
+const N_AGAIN: usize = 550;
 
 impl Planner for Horizon {
     fn plan(&self, request: &PlanRequest) -> Plan {
@@ -49,7 +49,8 @@ impl Planner for Horizon {
             search::improve(&mut scene, starts, N_FRESH)
         } else {
             let starts = seeds::around_present(&mut scene, &request.current);
-            search::improve(&mut scene, starts, N_AGAIN)
+            let n_left = N_AGAIN.saturating_sub(scene.n_looked_at);
+            search::improve(&mut scene, starts, n_left)
         };
         let Some(best) = best else {
             let is_out_of_reach = request.longest_m.is_some();

@@ -172,10 +172,10 @@ impl Sight {
             }
             let end = now.ends[i];
             let Some(row) = field.lattice().row_at(end.x, end.y) else { continue };
-            let known =
-                heights.and_then(|heights| Some((heights, heights.grid.cell_at(end.x, end.y)?)));
+            let at_end = heights.and_then(|h| Some((h, h.grid.cell_at(end.x, end.y)?)));
+            // A cell above the ground: what it lies on does not hide it.
             let ground_m =
-                known.map_or(self.nominal_height_m, |(heights, cell)| heights.height_m[cell]);
+                at_end.map_or(self.nominal_height_m, |(h, cell)| h.height_m[cell] + h.grid.cell_m);
             if self.is_blocked(&now.origin, &Vector3::new(end.x, end.y, ground_m)) {
                 continue;
             }
@@ -185,7 +185,7 @@ impl Sight {
             let area_m2 = sweep_m * ray.ground * now.drop_m;
             let high = heights.map_or(1.0, |heights| seen_ratio(heights, &now.origin, &end));
             let arm = end - at.place.coords.xy();
-            let is_known = known.is_some_and(|(heights, cell)| heights.is_known[cell]);
+            let is_known = at_end.is_some_and(|(heights, cell)| heights.is_known[cell]);
             let chance = Chance { open: if is_known { 1.0 } else { ray.seen_ratio }, high };
             let info_per_area = field.info_per_area_seen_with(chance.open * chance.high);
             seen.add(&row, info_per_area * area_m2, (arm.x, arm.y));

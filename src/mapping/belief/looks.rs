@@ -37,13 +37,22 @@ struct Sums {
     both_m2: f64,
 }
 
-/// What several parts of a flight leave of the open ground around a node.
+/// What several parts of a flight are expected to leave of the open ground around a node.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Rest {
-    /// Probability that the ground stands high enough to be seen.
+    /// Share of its area that stays unseen.
+    pub(super) area_share: f64,
+    /// Share of its variance that stays.
+    pub(super) var_share: f64,
+}
+
+/// One part's looks at the open ground around a node.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Look {
+    /// Probability that the ground stands high enough for it.
     high: f64,
-    /// Share of it that unknown crests hide from all looks.
-    pub(super) shaded: f64,
+    /// Share of the ground that it sees if so.
+    seen_share: f64,
 }
 
 /// More than this of the ground around a node must be unseen for a patch.
@@ -70,30 +79,47 @@ impl Looks {
 }
 
 impl Rest {
-    /// What all these looks leave of the open ground around a node, which has this area, m².
+    /// What all these looks leave of the open ground around a node, which has this area, m²; `scratch` is overwritten.
+    ///
+    /// ```text
+    /// Σ_k (h_k − h_{k+1}) f(Π_{l≤k} (1 − s_l)),   h_0 = 1, then falling
+    /// ```
+    /// - `h`: high of each look; `s`: share that it sees if the ground is that high
+    /// - `f`: the identity for the area; the square for the variance, and none of a rest that makes no patch
     pub(super) fn of<'a>(
         looks: impl Iterator<Item = &'a Looks>,
         node: usize,
         open_m2: f64,
+        scratch: &mut Vec<Look>,
     ) -> Self {
-        let mut rest = Self { high: 0.0, shaded: 1.0 };
-        let sums = looks.map(|looks| looks.sums[node]);
-        for sums in sums.filter(|sums| sums.high_m2 > 0.0 && open_m2 > 0.0) {
-            // Of the rays of a part, those that see it more surely count more.
-            let high = sums.high_twice_m2 / sums.high_m2;
-            let covered = (sums.high_m2 / (high * open_m2)).min(1.0);
-            rest.high = rest.high.max(high);
-            rest.shaded *= 1.0 - covered * sums.both_m2 / sums.high_m2;
+        scratch.clear();
+        let sums = looks.map(|looks| looks.sums[node]).filter(|sums| sums.high_m2 > 0.0);
+        scratch.extend(sums.map(|sums| sums.look(open_m2)));
+        scratch.sort_by(|a, b| b.high.total_cmp(&a.high));
+        let (mut area_share, mut var_share) = (0.0, 0.0);
+        let (mut high, mut shaded) = (1.0, 1.0);
+        for next in scratch.iter().copied().map(Some).chain([None]) {
+            let next_high = next.map_or(0.0, |look| look.high);
+            area_share += (high - next_high) * shaded;
+            var_share +=
+                (high - next_high) * if shaded > UNSEEN_SHARE { shaded * shaded } else { 0.0 };
+            high = next_high;
+            shaded *= 1.0 - next.map_or(0.0, |look| look.seen_share);
         }
-        rest
+        Self {
+            area_share,
+            var_share: ((var_share - LEAST_VAR_SHARE) / (1.0 - LEAST_VAR_SHARE)).max(0.0),
+        }
     }
+}
 
-    /// Expected share of the variance that stays, if either nothing of the ground is seen or all but what
-    /// is shaded.
-    pub(super) fn var_share(&self) -> f64 {
-        let shaded = if self.shaded > UNSEEN_SHARE { self.shaded } else { 0.0 };
-        let stays = 1.0 - self.high + self.high * shaded * shaded;
-        ((stays - LEAST_VAR_SHARE) / (1.0 - LEAST_VAR_SHARE)).max(0.0)
+impl Sums {
+    /// The looks as one at open ground of this area, m².
+    fn look(&self, open_m2: f64) -> Look {
+        // Of the rays of a part, those that see it more surely count more.
+        let high = self.high_twice_m2 / self.high_m2;
+        let covered = if open_m2 > 0.0 { (self.high_m2 / (high * open_m2)).min(1.0) } else { 1.0 };
+        Look { high, seen_share: covered * self.both_m2 / self.high_m2 }
     }
 }
 
@@ -113,23 +139,29 @@ mod tests {
                 part
             })
             .collect();
-        Rest::of(parts.iter(), 0, 2.0)
+        Rest::of(parts.iter(), 0, 2.0, &mut Vec::new())
     }
 
     #[test]
     fn crests_are_others_for_each_look_and_depth_is_the_same_for_all() {
         let is = |got: f64, expected: f64| assert!((got - expected).abs() < 1e-12, "{got}");
         // Not looked at, nothing is taken off.
-        is(rest(&[]).var_share(), 1.0);
+        is(rest(&[]).var_share, 1.0);
         // 0.4 of it is shaded from each side: 0.16 from both; that is no patch, and as good as seen.
-        is(rest(&[(2.0, 0.6, 1.0), (2.0, 0.6, 1.0)]).shaded, 0.16);
-        is(rest(&[(2.0, 0.6, 1.0), (2.0, 0.6, 1.0)]).var_share(), 0.0);
+        let both = rest(&[(2.0, 0.6, 1.0), (2.0, 0.6, 1.0)]);
+        is(both.area_share, 0.16);
+        is(both.var_share, 0.0);
         // Half the area looked at: 1 − 0.5 · 0.6 is shaded. That share squared of the variance stays.
-        is(rest(&[(1.0, 0.6, 1.0)]).var_share(), (0.49 - 0.1) / 0.9);
+        is(rest(&[(1.0, 0.6, 1.0)]).var_share, (0.49 - 0.1) / 0.9);
         // Three looks that reach it with 0.3, 0.7 and 0.5 are as good as the best one: 0.3 stays.
         let low = rest(&[(2.0, 1.0, 0.3), (9.0, 1.0, 0.7), (2.0, 1.0, 0.5)]);
-        is(low.var_share(), (0.3 - 0.1) / 0.9);
+        is(low.var_share, (0.3 - 0.1) / 0.9);
+        is(low.area_share, 0.3);
         // A look that cannot reach it changes nothing.
-        is(rest(&[(9.0, 1.0, 0.0)]).var_share(), 1.0);
+        is(rest(&[(9.0, 1.0, 0.0)]).var_share, 1.0);
+        // One that hardly reaches all of it, and one that surely reaches a hundredth: with 0.9 a hundredth is seen.
+        let glimpse = rest(&[(2.0, 1.0, 0.1), (0.02, 1.0, 1.0)]);
+        is(glimpse.area_share, 0.9 * 0.99);
+        is(glimpse.var_share, (0.9 * 0.99 * 0.99 - 0.1) / 0.9);
     }
 }

@@ -22,12 +22,21 @@ struct OpenGround {
     error_m3: f64,
 }
 
+/// The node that a place counts most for: on its side of a wall, if it has one there.
+fn node_of(lattice: &Lattice, (x_m, y_m): (f64, f64)) -> usize {
+    let heaviest = lattice.row_at(x_m, y_m).and_then(|row| {
+        let by_weight = std::iter::zip(row.nodes, row.weights);
+        by_weight.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(node, _)| node as usize)
+    });
+    heaviest.unwrap_or_else(|| lattice.nearest_node(x_m, y_m))
+}
+
 impl OpenPatch {
     /// On this lattice, of the nodes of the map.
     pub(super) fn new(lattice: &Lattice, patch: &[OpenNode]) -> Self {
         let mut by_node: BTreeMap<usize, OpenGround> = BTreeMap::new();
         for fine in patch {
-            let node = lattice.nearest_node(fine.place_m.0, fine.place_m.1);
+            let node = node_of(lattice, fine.place_m);
             let none = OpenGround { node, area_m2: 0.0, error_m3: 0.0 };
             let ground = by_node.entry(node).or_insert(none);
             ground.area_m2 += fine.area_m2;
@@ -41,7 +50,7 @@ impl OpenPatch {
     pub(super) fn surplus_m6(&self, rests: &[Rest], q_m2: &[f64]) -> f64 {
         let (mut shared_m3, mut by_field_m6) = (0.0, 0.0);
         for ground in &self.ground {
-            let stays = rests[ground.node].var_share().sqrt();
+            let stays = rests[ground.node].var_share.sqrt();
             shared_m3 += stays * ground.error_m3;
             by_field_m6 += stays * ground.area_m2 * q_m2[ground.node];
         }

@@ -1,5 +1,6 @@
 use super::*;
 use crate::mapping::region::Rect;
+use crate::mapping::unseen_patch::OpenNode;
 use crate::stats::SeedBook;
 use nalgebra::{DMatrix, DVector};
 
@@ -83,6 +84,46 @@ fn coarse_variance_matches_dense_algebra() {
         pose_m6 += s.dot(&(cov * s));
     }
     assert!((ours.pose_m6 / pose_m6 - 1.0).abs() < 1e-6, "{} {pose_m6}", ours.pose_m6);
+}
+
+#[test]
+fn a_patch_of_the_map_is_off_as_a_whole_until_it_is_looked_at() {
+    let field = field();
+    let lattice = field.lattice();
+    let nodes = [lattice.nearest_node(2.5, 2.5), lattice.nearest_node(3.75, 2.5)];
+    // Two squares of 0.5 m with σ = 30 m, far more than the field has for them.
+    let (area_m2, sigma_m) = (0.25, 30.0);
+    let patch = nodes.map(|node| OpenNode {
+        place_m: lattice.place_m(node),
+        area_m2,
+        error_m3: area_m2 * sigma_m,
+    });
+    let mut known = field.nothing_seen();
+    known.patches = Some(vec![OpenPatch::new(lattice, &patch)]);
+    let q_m2 = field.functional.given(&known.info).expect("solved").q;
+    let by_field_m6: f64 = nodes.iter().map(|node| area_m2 * q_m2[*node]).sum();
+    let patches_m6 = |parts: &[&Sightings]| field.volume_var(parts).expect("solved").patches_m6;
+    let is =
+        |got: f64, expected: f64| assert!((got - expected).abs() < 1e-9, "{got}, not {expected}");
+    let none = |stays: f64| ((2.0 * 7.5 * stays).powi(2) - by_field_m6 * stays).max(0.0);
+    assert!(none(0.5) > 10.0, "something to see");
+    is(patches_m6(&[&known]), none(1.0));
+    // A look at all of it that reaches it with a probability of 0.6: 0.4 of its variance stay, counted from 0.1 on.
+    let mut leg = field.nothing_seen();
+    for node in nodes {
+        let (x, y) = lattice.place_m(node);
+        let row = lattice.row_at(x, y).expect("inside");
+        leg.look(&row, 10.0, Chance { open: 1.0, high: 0.6 });
+    }
+    is(patches_m6(&[&known, &leg]), none((0.3_f64 / 0.9).sqrt()));
+    // Seen, it is as the field has it.
+    let mut sure = field.nothing_seen();
+    for node in nodes {
+        let (x, y) = lattice.place_m(node);
+        sure.look(&lattice.row_at(x, y).expect("inside"), 10.0, Chance { open: 1.0, high: 1.0 });
+    }
+    is(patches_m6(&[&known, &leg, &sure]), 0.0);
+    is(patches_m6(&[&known, &sure]), 0.0);
 }
 
 #[test]

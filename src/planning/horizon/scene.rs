@@ -20,8 +20,8 @@ const AIM_SHARE: f64 = 0.9;
 const USUAL_SCALE: f64 = 1.15;
 /// Bounds of that ratio: beyond them the lattice says nothing of this map.
 const SCALES: (f64, f64) = (0.5, 10.0);
-/// A metre at cruise is worth so much waiting for a turn, in metres of the same time: what counts is the way, but nobody
-/// hovers for it without end.
+/// Waiting for a turn costs this share of the metres that would be flown meanwhile: what counts is the way, but nobody hovers
+/// for it without end.
 const WAITING_SHARE: f64 = 0.15;
 /// With a σ^V so many times the target's, paths are looked for that have nothing in common with the present plan.
 const FAR_TARGETS: f64 = 4.0;
@@ -29,6 +29,11 @@ const FAR_TARGETS: f64 = 4.0;
 const TURN_COST_M: f64 = 0.05;
 /// A waypoint costs a little, m.
 const WAYPOINT_COST_M: f64 = 0.05;
+
+/// By how much the heading changes, rad.
+fn turn_rad(from: &Waypoint, to: &Waypoint) -> f64 {
+    wrapped_rad(to.yaw_rad - from.yaw_rad).abs()
+}
 
 /// The request with what follows from it.
 pub(super) struct Scene<'a> {
@@ -113,13 +118,19 @@ impl<'a> Scene<'a> {
         self.request.free_space.quality().axes().z.n > 1
     }
 
-    /// What a leg costs in metres: a turn that takes longer than the way is waited for.
+    /// Metres at cruise in the time that a turn takes longer than the leg.
+    fn waiting_m(&self, from: &Waypoint, to: &Waypoint) -> f64 {
+        let limits = &self.request.settings.limits;
+        let turn_m = limits.speed_mps * turn_rad(from, to) / limits.yaw_rate_radps;
+        (turn_m - from.distance_m(to)).max(0.0)
+    }
+
+    /// What a leg costs in metres.
     fn leg_cost_m(&self, from: &Waypoint, to: &Waypoint) -> f64 {
-        let turn_rad = wrapped_rad(to.yaw_rad - from.yaw_rad).abs();
-        let settings = &self.request.settings;
-        let turn_m = settings.limits.speed_mps * turn_rad / settings.limits.yaw_rate_radps;
-        let way_m = from.distance_m(to);
-        way_m + WAITING_SHARE * (turn_m - way_m).max(0.0) + TURN_COST_M * turn_rad + WAYPOINT_COST_M
+        from.distance_m(to)
+            + WAITING_SHARE * self.waiting_m(from, to)
+            + TURN_COST_M * turn_rad(from, to)
+            + WAYPOINT_COST_M
     }
 
     /// The waypoints of a straight leg, no further apart than a step.
@@ -169,7 +180,10 @@ impl<'a> Scene<'a> {
 
     /// True if the battery lasts for these waypoints, the last of which is given, and the way home.
     pub(super) fn is_within_reach(&self, waypoints: &[Waypoint], last: &Waypoint) -> bool {
-        let needed_m = self.length_m(waypoints) + self.way_home_m(last);
+        // Hovering empties the battery as flying does.
+        let flown_m =
+            self.sum_of_legs(waypoints, |from, to| from.distance_m(to) + self.waiting_m(from, to));
+        let needed_m = flown_m + self.way_home_m(last);
         self.request.longest_m.is_none_or(|longest_m| needed_m <= longest_m)
     }
 
