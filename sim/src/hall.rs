@@ -73,7 +73,7 @@ pub fn config(scenario: &Scenario, devices: Devices) -> Config {
             ..surface
         },
         planning: PlanningSection {
-            planner: scenario.planner.config_name(),
+            planner: Some(scenario.planner.config_name()),
             n_steps: scenario.n_steps,
             leg_spacing_m: conditions.leg_spacing_m,
             target_percent: conditions.target_percent,

@@ -120,7 +120,19 @@ mod tests {
         )
         .expect("valid");
         assert_eq!(from_flag.planning.n_steps, 30);
-        assert_eq!(from_flag.planning.planner, PlannerName::SquareWave);
+        assert_eq!(from_flag.planning.planner, Some(PlannerName::SquareWave));
+    }
+
+    #[test]
+    fn horizon_flies_to_a_target_unless_another_planner_is_named() {
+        let chosen = |flags: &[&str]| {
+            let config = with_environment(&[], flags).expect("valid");
+            config.planning.chosen_planner()
+        };
+        assert_eq!(chosen(&[]), PlannerName::SquareWave);
+        assert_eq!(chosen(&["planning.target_percent=1"]), PlannerName::Horizon);
+        let named = &["planning.target_percent=1", "planning.planner=greedy"];
+        assert_eq!(chosen(named), PlannerName::Greedy);
     }
 
     #[test]

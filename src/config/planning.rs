@@ -49,8 +49,9 @@ impl Default for ExternalSection {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct PlanningSection {
-    /// Who chooses the waypoints.
-    pub planner: PlannerName,
+    /// Who chooses the waypoints; left out, `horizon` if there is a target and the square wave if there is none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub planner: Option<PlannerName>,
     /// Waypoints of a survey.
     pub n_steps: usize,
     /// Height of the flight over the hall floor, m.
@@ -98,7 +99,7 @@ pub struct PlanningSection {
 impl Default for PlanningSection {
     fn default() -> Self {
         Self {
-            planner: PlannerName::SquareWave,
+            planner: None,
             n_steps: 50,
             height_m: 7.0,
             yaw_deg: 0.0,
@@ -123,6 +124,19 @@ impl Default for PlanningSection {
     }
 }
 
+impl PlanningSection {
+    /// The planner that is named, or the one that suits: a target is reached on the shortest way by `horizon`, and without
+    /// one every place is to be flown over.
+    #[must_use]
+    pub fn chosen_planner(&self) -> PlannerName {
+        self.planner.unwrap_or(if self.target_percent.is_some() {
+            PlannerName::Horizon
+        } else {
+            PlannerName::SquareWave
+        })
+    }
+}
+
 impl Config {
     pub(super) fn planning_settings(&self) -> Result<planning::Settings, ConfigError> {
         let p = &self.planning;
@@ -144,7 +158,7 @@ impl Config {
         #[expect(clippy::cast_precision_loss, reason = "only its size is judged")]
         within("planning.n_steps", p.n_steps as f64, (1.0, 10_000.0), "")?;
         Ok(planning::Settings {
-            planner: match p.planner {
+            planner: match p.chosen_planner() {
                 PlannerName::SquareWave => PlannerKind::SquareWave,
                 PlannerName::Greedy => PlannerKind::Greedy,
                 PlannerName::Horizon => PlannerKind::Horizon,
@@ -188,7 +202,7 @@ impl Config {
                 "1/√(m² + rad²)",
             )?,
             slope_sigma: self.surface.slope_sigma,
-            sees_shadows: p.shadows.unwrap_or(p.planner == PlannerName::Horizon),
+            sees_shadows: p.shadows.unwrap_or(p.chosen_planner() == PlannerName::Horizon),
             fix_var_share: FIX_VAR_SHARE,
             seed: p.seed,
             external: self.external_planner()?,
@@ -200,7 +214,7 @@ impl Config {
     /// The program that plans; it is read even where another planner is chosen, so that mistakes show.
     fn external_planner(&self) -> Result<Option<ExternalSettings>, ConfigError> {
         let key = "planning.external.command";
-        let is_chosen = self.planning.planner == PlannerName::External;
+        let is_chosen = self.planning.chosen_planner() == PlannerName::External;
         let Some(section) = &self.planning.external else {
             let missing =
                 || invalid(key, "planner = \"external\" needs the program and its arguments");
@@ -218,7 +232,7 @@ impl Config {
     fn check_square_wave_heading(&self) -> Result<(), ConfigError> {
         let p = &self.planning;
         let is_along_x = rad_from_deg(p.yaw_deg).cos().abs() > 0.95;
-        let is_fixed = p.planner == PlannerName::SquareWave && p.leg_spacing_m.is_some();
+        let is_fixed = p.chosen_planner() == PlannerName::SquareWave && p.leg_spacing_m.is_some();
         if is_fixed && !is_along_x {
             let message = "the square wave's legs run along x: head along x (0 or 180 deg)";
             return Err(invalid("planning.yaw_deg", message));
