@@ -135,6 +135,14 @@ impl UnseenGround {
         Self { patches: patches(lattice, ground), var_m2 }
     }
 
+    /// By node, whether it belongs to a patch.
+    #[must_use]
+    pub fn is_in_patch(&self) -> Vec<bool> {
+        let mut is_in_patch = vec![false; self.var_m2.len()];
+        self.patches.iter().flatten().for_each(|node| is_in_patch[*node] = true);
+        is_in_patch
+    }
+
     /// What each patch, being off as a whole, adds to the variance of the volume with these weights and
     /// this adjoint, m⁶.
     #[must_use]
@@ -203,6 +211,11 @@ mod tests {
         // (3 · 0.25 · 0.1)² and (0.25 · 0.2)² m⁶.
         let expected_m6 = [0.075_f64.powi(2), 0.05_f64.powi(2)];
         let unseen = UnseenGround::new(&lattice, &ground, var_m2.clone());
+        let in_patch = unseen.is_in_patch();
+        assert_eq!(
+            (0..in_patch.len()).filter(|node| in_patch[*node]).count(),
+            one.len() + other.len()
+        );
         let surplus = unseen.surplus_m6(&w_m2, &none);
         let off = std::iter::zip(&surplus, expected_m6).map(|(got, expected)| got - expected);
         assert!(off.into_iter().all(|off| off.abs() < 1e-15), "{surplus:?}");

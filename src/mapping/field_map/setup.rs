@@ -87,6 +87,13 @@ impl Setup {
         beside.on(&self.lattice, is_known)
     }
 
+    /// No ground is lower than this, m over the hall floor: the lowest base, but for one that was dug into.
+    pub(super) fn floor_m(&self) -> f64 {
+        let may_be_dug_into = self.bays.iter().any(|bay| bay.is_over_survey);
+        let lowest_m = self.bays.first().and_then(|whole| whole.base.lowest_m());
+        lowest_m.filter(|_| !may_be_dug_into).unwrap_or(f64::NEG_INFINITY)
+    }
+
     /// What is known of the ground at each node, of which these areas count.
     pub(super) fn ground(&self, is_known: &[bool], areas_m2: &[f64]) -> Vec<Ground> {
         let is_hidden = self.lattice.far_from(is_known);

@@ -246,11 +246,12 @@ impl SolveField {
         let mean_m = setup.lattice.on_cells(&round.newest.heights_m);
         let seen = setup.seen(&round.data.info, &turns.flagged);
         let range_m = setup.settings.range_m;
-        let is_hidden = setup.lattice.far_from(&round.newest.is_known);
-        let is_bridged: Vec<bool> = is_hidden.iter().map(|is_hidden| !is_hidden).collect();
         let newest = &round.newest;
         let ground = setup.ground(&newest.is_known, &areas_m2[0]);
         let unseen = UnseenGround::new(&setup.lattice, &ground, newest.var_m2.clone());
+        let is_hidden = setup.lattice.far_from(&newest.is_known);
+        let is_bridged: Vec<bool> =
+            std::iter::zip(is_hidden, unseen.is_in_patch()).map(|(a, b)| !(a || b)).collect();
         let surplus_m6: Vec<Vec<f64>> = std::iter::zip(&areas_m2, &q_m2)
             .map(|(areas_m2, q_m2)| unseen.surplus_m6(areas_m2, q_m2))
             .collect();
@@ -345,12 +346,7 @@ impl SolveField {
         let heights_m = lattice.on_cells(&newest.heights_m);
         Some(KnownHeights {
             sigma_m: of_cells(&|node| newest.var_m2[node].max(0.0).sqrt()),
-            floor_m: self
-                .setup
-                .bays
-                .first()
-                .and_then(|whole| whole.base.lowest_m())
-                .unwrap_or(f64::NEG_INFINITY),
+            floor_m: self.setup.floor_m(),
             ceiling_m: of_cells(&|node| self.ceiling.at_node_m(node).unwrap_or(f64::INFINITY)),
             ..KnownHeights::new(*lattice.grid(), heights_m, is_known, self.setup.settings.sigma_m)
         })
