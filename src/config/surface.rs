@@ -69,7 +69,7 @@ pub struct SurfaceSection {
     pub volume_variance: VolumeVarianceName,
     /// Beams are not used while the position is less certain than this, m.
     pub max_position_sigma_m: f64,
-    /// The surface is solved this often in flight, s.
+    /// The surface is solved this often in flight, s; with a target every 2 s, if this is longer.
     pub solve_interval_s: f64,
     /// The volume is reported this often, s.
     pub report_interval_s: f64,

@@ -4,8 +4,9 @@
 //! ```text
 //! cost = L + Λ max(0, ln(σ^V/σ_target))        L: metres, and a little for waiting until a turn is done
 //! ```
-//! Λ is the length that one e-fold of σ^V is worth; with a gain per metre below 1/Λ more
-//! flying is not worth while. Every path is scored by the σ^V that it would leave on a coarse lattice
+//! Λ is the length that one e-fold of σ^V is worth. On the way to a target it is low, so that paths are short; where no path
+//! is worth its length then, it is as high as any survey has it. With a gain per metre below 1/Λ more flying is not worth
+//! while. Every path is scored by the σ^V that it would leave on a coarse lattice
 //! ([`crate::mapping::belief`]), the fix quality on the way included.
 //!
 //! Seeds are square waves of many spacings, directions, margins and corners (`seeds`), single legs and the rest
@@ -27,11 +28,11 @@ use scene::Scene;
 pub struct Horizon;
 
 /// Paths that are looked at when there is no plan yet.
-const N_FRESH: usize = 1500;
+const N_FRESH: usize = 1200;
 /// Going on at all is judged as if it cost this much more, m.
 const LEAST_COST_M: f64 = 1.0;
 /// Paths that are looked at to better the present plan, seeds included.
-const N_AGAIN: usize = 550;
+const N_AGAIN: usize = 300;
 
 impl Planner for Horizon {
     fn plan(&self, request: &PlanRequest) -> Plan {
@@ -43,15 +44,11 @@ impl Planner for Horizon {
         if scene.is_enough_by_account(sigma_now_m3) {
             return scene.finished(PlanEnd::Target, sigma_now_m3);
         }
-        let is_first = request.current.is_empty() && request.accounted.is_none();
-        let best = if is_first {
-            let starts = seeds::best_of_all(&mut scene);
-            search::improve(&mut scene, starts, N_FRESH)
-        } else {
-            let starts = seeds::around_present(&mut scene, &request.current);
-            let n_left = N_AGAIN.saturating_sub(scene.n_looked_at);
-            search::improve(&mut scene, starts, n_left)
-        };
+        let mut best = scene.best();
+        // Where the rest of the way is long for what it brings, it is still flown.
+        if best.as_ref().is_none_or(|best| !scene.pays(best)) && scene.pay_most() {
+            best = scene.best();
+        }
         let Some(best) = best else {
             let is_out_of_reach = request.longest_m.is_some();
             return Plan::nothing(if is_out_of_reach {
@@ -69,6 +66,8 @@ impl Planner for Horizon {
 #[must_use]
 pub fn best_square_wave(request: &PlanRequest) -> Option<(Vec<Waypoint>, Prediction)> {
     let mut scene = Scene::new(request)?;
+    // It is flown as it is: no later plan makes up for what it leaves.
+    scene.pay_most();
     let sigma_now_m3 = scene.sigma_now_m3();
     let best = seeds::best_square_wave(&mut scene)?;
     let prediction =
@@ -77,6 +76,20 @@ pub fn best_square_wave(request: &PlanRequest) -> Option<(Vec<Waypoint>, Predict
 }
 
 impl Scene<'_> {
+    /// The best path that is found.
+    fn best(&mut self) -> Option<Path> {
+        let request = self.request;
+        if request.current.is_empty() && request.accounted.is_none() {
+            let starts = seeds::best_of_all(self);
+            search::improve(self, starts, N_FRESH)
+        } else {
+            let n_before = self.n_looked_at;
+            let starts = seeds::around_present(self, &request.current);
+            let n_left = N_AGAIN.saturating_sub(self.n_looked_at - n_before);
+            search::improve(self, starts, n_left)
+        }
+    }
+
     fn finished(&self, end: PlanEnd, sigma_m3: f64) -> Plan {
         let prediction =
             Prediction { sigma_now_m3: sigma_m3, sigma_end_m3: sigma_m3, length_m: 0.0 };

@@ -31,10 +31,10 @@ use crate::units::wrapped_rad;
 use nalgebra::{Matrix3, Vector2, Vector3};
 
 /// Neighbouring rays are this far apart on the ground under the flight, m.
-const RAY_SPACING_M: f64 = 0.7;
+const RAY_SPACING_M: f64 = 0.9;
 /// Scans are thought of this often along a way, m, and at this angle when turning, rad.
-const SCAN_SPACING_M: f64 = 0.6;
-const TURN_SPACING_RAD: f64 = 0.12;
+const SCAN_SPACING_M: f64 = 0.9;
+const TURN_SPACING_RAD: f64 = 0.15;
 /// The pose's error stays the same over this much of a way, m.
 const WINDOW_M: f64 = 2.0;
 /// A scan line covers at least this much of the ground across itself, m.
@@ -183,10 +183,15 @@ impl Sight {
             let shift = end - before.ends[i];
             let sweep_m = (shift.x * line.y - shift.y * line.x).abs().max(LEAST_SWEEP_M);
             let area_m2 = sweep_m * ray.ground * now.drop_m;
-            let high = heights.map_or(1.0, |heights| seen_ratio(heights, &now.origin, &end));
             let arm = end - at.place.coords.xy();
             let is_known = at_end.is_some_and(|(heights, cell)| heights.is_known[cell]);
-            let chance = Chance { open: if is_known { 1.0 } else { ray.seen_ratio }, high };
+            let chance = if is_known {
+                // Hidden from here, it would stay as known as it is: no reason to follow the ray.
+                Chance { open: 1.0, high: 1.0 }
+            } else {
+                let high = heights.map_or(1.0, |heights| seen_ratio(heights, &now.origin, &end));
+                Chance { open: ray.seen_ratio, high }
+            };
             let info_per_area = field.info_per_area_seen_with(chance.open * chance.high);
             seen.add(&row, info_per_area * area_m2, (arm.x, arm.y));
             if !is_known {

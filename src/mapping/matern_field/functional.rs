@@ -4,7 +4,7 @@
 //! q = Q⁻¹ w,   var = wᵀ q,   Q = Q0 + Σ a aᵀ/R
 //! ```
 //! Prior, pattern of the factor and weights stay; only the information changes. Whoever compares many
-//! sets of data (planned flights) pays for one numeric factor and two solves each.
+//! sets of data (planned flights) pays for one numeric factor and one pass over it each.
 
 use super::FieldError;
 use super::information::Information;
@@ -79,12 +79,15 @@ impl Functional {
         let mut q = self.prior.clone();
         information.add_to(&mut q);
         let factor = self.analysis.factorize(&q.lower_values())?;
-        let mut y = factor.solve(&self.w);
-        if let Some(level) = &self.level {
-            let response = level.response(&factor)?;
-            let amount = dot(&response.v, &self.w) / response.s;
-            y.iter_mut().zip(&response.v).for_each(|(y, v)| *y += amount * v);
-        }
+        let y = match &self.level {
+            None => factor.solve(&self.w),
+            Some(level) => {
+                let (mut y, response) = level.response_and(&factor, &self.w)?;
+                let amount = dot(&response.v, &self.w) / response.s;
+                y.iter_mut().zip(&response.v).for_each(|(y, v)| *y += amount * v);
+                y
+            }
+        };
         Ok(FunctionalVar { var: dot(&self.w, &y), q: y })
     }
 }

@@ -153,7 +153,20 @@ impl Level {
     }
 
     pub(super) fn response(&self, factor: &Factor) -> Result<LevelResponse, FieldError> {
-        let v = factor.solve(&self.g);
+        self.response_of(factor.solve(&self.g))
+    }
+
+    /// The sum with these weights and the response of the level, by one pass over the factor.
+    pub(super) fn response_and(
+        &self,
+        factor: &Factor,
+        w: &[f64],
+    ) -> Result<(Vec<f64>, LevelResponse), FieldError> {
+        let [y, v] = factor.solve_each([w, &self.g]);
+        Ok((y, self.response_of(v)?))
+    }
+
+    fn response_of(&self, v: Vec<f64>) -> Result<LevelResponse, FieldError> {
         let seen: f64 = self.g.iter().zip(&v).map(|(g, v)| g * (1.0 - v)).sum();
         let s = self.prior_info + seen;
         // Without a prior and without data the level is not determined; what is left is rounding.

@@ -124,18 +124,25 @@ impl Factor {
     /// S⁻¹ b.
     #[must_use]
     pub fn solve(&self, b: &[f64]) -> Vec<f64> {
-        let mut x = b.to_vec();
+        let [x] = self.solve_each([b]);
+        x
+    }
+
+    /// S⁻¹ b for several b: the factor is gone through once.
+    #[must_use]
+    pub fn solve_each<const N: usize>(&self, of: [&[f64]; N]) -> [Vec<f64>; N] {
         let symbolic = &self.analysis.symbolic;
-        let scratch = symbolic.solve_in_place_scratch::<f64>(1, Par::Seq);
+        let scratch = symbolic.solve_in_place_scratch::<f64>(N, Par::Seq);
         let mut memory = MemBuffer::new(scratch);
-        let n = x.len();
+        let n = self.analysis.size();
+        let mut x = of.concat();
         LltRef::new(symbolic, &self.values).solve_in_place_with_conj(
             Conj::No,
-            MatMut::from_column_major_slice_mut(&mut x, n, 1),
+            MatMut::from_column_major_slice_mut(&mut x, n, N),
             Par::Seq,
             MemStack::new(&mut memory),
         );
-        x
+        std::array::from_fn(|k| x[k * n..(k + 1) * n].to_vec())
     }
 
     /// ln det S.

@@ -10,10 +10,10 @@ use crate::planning::way::way;
 use crate::units::wrapped_rad;
 use std::sync::Arc;
 
-/// Λ: metres that one e-fold of σ^V is worth.
+/// Λ: metres that one e-fold of σ^V is worth at most.
 pub(super) const METRES_PER_E_FOLD: f64 = 150.0;
-/// The same while a target is not reached: low enough that the length is felt on the way there.
-const METRES_PER_E_FOLD_ABOVE_TARGET: f64 = 60.0;
+/// The same on the way to a target: low enough that the length is felt.
+const METRES_PER_E_FOLD_TO_TARGET: f64 = 40.0;
 /// The plan aims this far below the target, for predictions are not exact.
 const AIM_SHARE: f64 = 0.9;
 /// σ^V of accounts over that of the coarse lattice before there is an account.
@@ -48,6 +48,8 @@ pub(super) struct Scene<'a> {
     scale: f64,
     /// Where the plan begins.
     pub(super) start: Waypoint,
+    /// Λ, m.
+    e_fold_m: f64,
     /// Paths looked at.
     pub(super) n_looked_at: usize,
 }
@@ -93,8 +95,23 @@ impl<'a> Scene<'a> {
             seen_var_m6,
             scale,
             start,
+            e_fold_m: if settings.target_ratio.is_some() {
+                METRES_PER_E_FOLD_TO_TARGET
+            } else {
+                METRES_PER_E_FOLD
+            },
             n_looked_at: 0,
         })
+    }
+
+    /// Takes from now on what any survey would fly for an e-fold, if it has not yet: paths have new scores. False if it has.
+    pub(super) fn pay_most(&mut self) -> bool {
+        std::mem::replace(&mut self.e_fold_m, METRES_PER_E_FOLD) < METRES_PER_E_FOLD
+    }
+
+    /// True if flying this path is better than staying.
+    pub(super) fn pays(&self, path: &Path) -> bool {
+        path.score < self.score(0.0, self.sigma_now_m3())
     }
 
     /// σ^V of what is seen already, m³.
@@ -260,10 +277,8 @@ impl<'a> Scene<'a> {
 
     /// What the search makes small, m.
     pub(super) fn score(&self, cost_m: f64, sigma_m3: f64) -> f64 {
-        let (aim_m3, e_fold_m) = self.target_m3().map_or((1e-3, METRES_PER_E_FOLD), |target_m3| {
-            (AIM_SHARE * target_m3, METRES_PER_E_FOLD_ABOVE_TARGET)
-        });
-        cost_m + e_fold_m * (sigma_m3 / aim_m3).ln().max(0.0)
+        let aim_m3 = self.target_m3().map_or(1e-3, |target_m3| AIM_SHARE * target_m3);
+        cost_m + self.e_fold_m * (sigma_m3 / aim_m3).ln().max(0.0)
     }
 
     /// True if no more flying is needed: by what is aimed at, and by the newest account, which has the last word.

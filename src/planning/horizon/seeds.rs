@@ -18,27 +18,24 @@ const MOST_LEGS_AGAIN: u32 = 3;
 const MARGINS: [f64; 3] = [0.0, 0.15, 0.3];
 /// Single legs lead to a grid of this many places each way.
 const N_PLACES: u32 = 5;
+/// Turns on the way there, which neighbouring places share out, rad.
+const TURNS_RAD: [[f64; 2]; 2] = [[0.0, FRAC_PI_2], [-FRAC_PI_2, 0.95 * PI]];
 
 /// The best square waves and single legs of all.
 pub(super) fn best_of_all(scene: &mut Scene<'_>) -> Vec<Path> {
     let mut best = Vec::new();
-    for waypoints in single_legs(scene).into_iter().chain(square_waves(scene, MOST_LEGS, &MARGINS))
-    {
-        if let Some(path) = shortest_part(scene, waypoints, &best) {
-            keep(&mut best, path);
-        }
-    }
+    let legs = single_legs(scene);
+    keep_shortest_parts(scene, legs, &mut best);
+    let waves = square_waves(scene, MOST_LEGS, &MARGINS);
+    keep_shortest_parts(scene, waves, &mut best);
     best
 }
 
 /// The best of the square waves.
 pub(super) fn best_square_wave(scene: &mut Scene<'_>) -> Option<Path> {
     let mut best = Vec::new();
-    for waypoints in square_waves(scene, MOST_LEGS, &MARGINS) {
-        if let Some(path) = shortest_part(scene, waypoints, &best) {
-            keep(&mut best, path);
-        }
-    }
+    let waves = square_waves(scene, MOST_LEGS, &MARGINS);
+    keep_shortest_parts(scene, waves, &mut best);
     best.into_iter().next()
 }
 
@@ -58,13 +55,19 @@ pub(super) fn around_present(scene: &mut Scene<'_>, current: &[Waypoint]) -> Vec
         }
     }
     if scene.is_far_from_target() {
-        for waypoints in square_waves(scene, MOST_LEGS_AGAIN, &MARGINS[1..]) {
-            if let Some(path) = shortest_part(scene, waypoints, &best) {
-                keep(&mut best, path);
-            }
-        }
+        let waves = square_waves(scene, MOST_LEGS_AGAIN, &MARGINS[1..]);
+        keep_shortest_parts(scene, waves, &mut best);
     }
     best
+}
+
+/// Keeps the best among these paths and those kept before, each up to where more does not pay.
+fn keep_shortest_parts(scene: &mut Scene<'_>, paths: Vec<Vec<Waypoint>>, best: &mut Vec<Path>) {
+    for waypoints in paths {
+        if let Some(path) = shortest_part(scene, waypoints, best) {
+            keep(best, path);
+        }
+    }
 }
 
 fn keep(best: &mut Vec<Path>, path: Path) {
@@ -168,20 +171,21 @@ fn nearest_heading(yaw_rad: f64, present_rad: f64) -> f64 {
     wrapped_rad(if is_opposite { yaw_rad + PI } else { yaw_rad })
 }
 
-/// Straight to a place, with several headings there.
+/// Straight to a place, with one of several headings there.
 fn single_legs(scene: &Scene<'_>) -> Vec<Vec<Waypoint>> {
     let settings = &scene.request.settings;
     let b = settings.bounds;
     let mut legs = Vec::new();
     for i in 0..N_PLACES {
         for j in 0..N_PLACES {
+            let is_even = (i + j) % 2 == 0;
             let share = |k: u32| (f64::from(k) + 0.5) / f64::from(N_PLACES);
             let place = Point::new(
                 b.x_min_m + share(i) * (b.x_max_m - b.x_min_m),
                 b.y_min_m + share(j) * (b.y_max_m - b.y_min_m),
                 settings.height_m,
             );
-            for turn_rad in [0.0, FRAC_PI_2, -FRAC_PI_2, 0.95 * PI] {
+            for turn_rad in if is_even { TURNS_RAD[0] } else { TURNS_RAD[1] } {
                 let yaw_rad = wrapped_rad(scene.start.yaw_rad + turn_rad);
                 legs.push(vec![Waypoint { place, yaw_rad }]);
             }
