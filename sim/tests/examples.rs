@@ -35,7 +35,7 @@ fn fly(config: &Config, world: World, seed: u64) -> (f64, Vec<VolumeAccount>) {
     };
     let mut config = config.clone();
     // The result after landing is what counts here.
-    config.surface.solve_interval_s = 60.0;
+    config.surface.solve_interval_s = Some(60.0);
     let mut flight = DirectFlight::with_config(&scenario, &config).expect("a flight");
     while flight.summary().is_none() && flight.rig.now().seconds() < 400.0 {
         flight.step(&mut |_, _| {});

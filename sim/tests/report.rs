@@ -45,7 +45,7 @@ fn fly(path: &Path, seed: u64) -> Vec<VolumeAccount> {
     let mut config: Config = config(&scenario, Devices::none());
     config.surface.method = SurfaceName::MaternField;
     // The result after landing is what counts here.
-    config.surface.solve_interval_s = 60.0;
+    config.surface.solve_interval_s = Some(60.0);
     config.hall.base_sigma_m = 0.01;
     for bay in &mut config.bays {
         bay.density_t_per_m3 = Some(1.6);
@@ -354,7 +354,7 @@ fn fly_twice(first: &Path, both: &Path) -> (Seen, f64) {
     let scenario = scenario(3);
     let mut config: Config = config(&scenario, Devices::none());
     config.surface.method = SurfaceName::MaternField;
-    config.surface.solve_interval_s = 60.0;
+    config.surface.solve_interval_s = Some(60.0);
     config.planning.n_steps = 6;
     let config_toml = config.to_toml().expect("TOML");
     let notes = [("started_utc".to_owned(), "2026-03-04T05:06:07Z".to_owned())].into();

@@ -41,6 +41,8 @@ impl Config {
     /// # Errors
     /// The first value that is out of range or does not fit the others.
     pub fn pilot_settings(&self) -> Result<pilot::Settings, ConfigError> {
+        let has_target = self.planning.target_percent.is_some();
+        let usual_interval_s = if has_target { 2.0 } else { 5.0 };
         Ok(pilot::Settings {
             localization: self.localization_settings()?,
             mapping: self.mapping_settings()?,
@@ -49,7 +51,7 @@ impl Config {
             scan_correction: self.scan_correction()?,
             solve_interval: seconds(
                 "surface.solve_interval_s",
-                self.surface.solve_interval_s,
+                self.surface.solve_interval_s.unwrap_or(usual_interval_s),
                 (0.2, 60.0),
             )?,
             report_interval: seconds(

@@ -69,8 +69,10 @@ pub struct SurfaceSection {
     pub volume_variance: VolumeVarianceName,
     /// Beams are not used while the position is less certain than this, m.
     pub max_position_sigma_m: f64,
-    /// The surface is solved this often in flight, s; with a target every 2 s, if this is longer.
-    pub solve_interval_s: f64,
+    /// The surface is solved this often in flight, s; left out, every 5 s, and with a target every 2 s: then accounts say
+    /// where to fly and when it is enough.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub solve_interval_s: Option<f64>,
     /// The volume is reported this often, s.
     pub report_interval_s: f64,
     /// What the field assumes of the material.
@@ -148,7 +150,7 @@ impl Default for SurfaceSection {
             variance_update: VarianceUpdateName::Kalman,
             volume_variance: VolumeVarianceName::Full,
             max_position_sigma_m: 0.15,
-            solve_interval_s: 5.0,
+            solve_interval_s: None,
             report_interval_s: 1.0,
             field: FieldSection::default(),
             uncertainty: UncertaintySection::default(),

@@ -10,23 +10,16 @@ use crate::mission::Phase;
 use crate::planning::Waypoint;
 use crate::planning::planner::Plan;
 use crate::units::wrapped_rad;
-use std::time::Duration;
 
 /// Smaller disturbed areas are not told of, m².
 const LEAST_DISTURBED_M2: f64 = 0.5;
-/// With a target, the accounts say where to fly and when it is enough: they come this often at least.
-const INTERVAL_TO_TARGET: Duration = Duration::from_secs(2);
 
 impl Pilot {
     pub(super) fn solve_if_due(&mut self, actions: &mut Vec<Action>) {
         let is_measuring =
             matches!(self.mission.phase(), Phase::Survey | Phase::Return | Phase::Hold);
-        let interval = match self.settings.planning.target_ratio {
-            Some(_) => self.settings.solve_interval.min(INTERVAL_TO_TARGET),
-            None => self.settings.solve_interval,
-        };
-        let is_due =
-            self.now.since(self.jobs.last_solve_at) >= interval || self.route.plan.awaits_account();
+        let is_due = self.now.since(self.jobs.last_solve_at) >= self.settings.solve_interval
+            || self.route.plan.awaits_account();
         if is_measuring && is_due && self.jobs.solve.is_none() {
             self.start_solve(false, actions);
         }

@@ -1,4 +1,4 @@
-//! Looks at whole paths: the shortest that makes the volume sure enough, or the one that makes it
+//! Looks at whole paths: short ones that make the volume sure enough or bring much on the way there, or those that make it
 //! surest within the length that may be flown.
 //!
 //! ```text
@@ -44,10 +44,13 @@ impl Planner for Horizon {
         if scene.is_enough_by_account(sigma_now_m3) {
             return scene.finished(PlanEnd::Target, sigma_now_m3);
         }
-        let mut best = scene.best();
-        // Where the rest of the way is long for what it brings, it is still flown.
-        if best.as_ref().is_none_or(|best| !scene.pays(best)) && scene.pay_most() {
-            best = scene.best();
+        let mut best = scene.best(1);
+        // Where the rest of the way is long for what it brings, it is flown all the same.
+        let is_dear = |scene: &Scene<'_>, best: &Path| {
+            !scene.pays(best) || scene.is_small_gain(best, sigma_now_m3)
+        };
+        if best.as_ref().is_some_and(|best| is_dear(&scene, best)) && scene.pay_most() {
+            best = scene.best(2);
         }
         let Some(best) = best else {
             let is_out_of_reach = request.longest_m.is_some();
@@ -76,18 +79,28 @@ pub fn best_square_wave(request: &PlanRequest) -> Option<(Vec<Waypoint>, Predict
 }
 
 impl Scene<'_> {
-    /// The best path that is found.
-    fn best(&mut self) -> Option<Path> {
+    /// The best path that is found, looking at `1 / divisor` of the usual number.
+    fn best(&mut self, divisor: usize) -> Option<Path> {
         let request = self.request;
         if request.current.is_empty() && request.accounted.is_none() {
             let starts = seeds::best_of_all(self);
-            search::improve(self, starts, N_FRESH)
+            search::improve(self, starts, N_FRESH / divisor)
         } else {
             let n_before = self.n_looked_at;
             let starts = seeds::around_present(self, &request.current);
-            let n_left = N_AGAIN.saturating_sub(self.n_looked_at - n_before);
+            let n_left = (N_AGAIN / divisor).saturating_sub(self.n_looked_at - n_before);
             search::improve(self, starts, n_left)
         }
+    }
+
+    /// True if the path does not reach the target and brings too little for its length.
+    fn is_small_gain(&self, best: &Path, sigma_now_m3: f64) -> bool {
+        let gain = (sigma_now_m3 / best.sigma_m3).ln();
+        !self.reaches_target(best) && gain < (LEAST_COST_M + best.cost_m) / scene::METRES_PER_E_FOLD
+    }
+
+    fn reaches_target(&self, best: &Path) -> bool {
+        self.target_m3().is_some_and(|target_m3| best.sigma_m3 <= target_m3)
     }
 
     fn finished(&self, end: PlanEnd, sigma_m3: f64) -> Plan {
@@ -98,9 +111,7 @@ impl Scene<'_> {
 
     /// The path as waypoints that lie no further apart than a step.
     fn plan(&self, best: &Path, sigma_now_m3: f64) -> Plan {
-        let gain = (sigma_now_m3 / best.sigma_m3).ln();
-        let reaches = self.target_m3().is_some_and(|target_m3| best.sigma_m3 <= target_m3);
-        if !reaches && gain < (LEAST_COST_M + best.cost_m) / scene::METRES_PER_E_FOLD {
+        if self.is_small_gain(best, sigma_now_m3) {
             return self.finished(PlanEnd::SmallGain, sigma_now_m3);
         }
         let mut waypoints: Vec<Waypoint> = Vec::new();
@@ -111,7 +122,7 @@ impl Scene<'_> {
         }
         let is_cut = waypoints.len() > self.request.n_waypoints;
         waypoints.truncate(self.request.n_waypoints);
-        let end = match (reaches, is_cut) {
+        let end = match (self.reaches_target(best), is_cut) {
             (_, true) => PlanEnd::Budget,
             (true, false) => PlanEnd::Target,
             (false, false) => PlanEnd::Open,

@@ -186,7 +186,7 @@ impl Sight {
             let arm = end - at.place.coords.xy();
             let is_known = at_end.is_some_and(|(heights, cell)| heights.is_known[cell]);
             let chance = if is_known {
-                // Hidden from here, it would stay as known as it is: no reason to follow the ray.
+                // Whether it could be seen again from here makes little difference: the ray is not followed.
                 Chance { open: 1.0, high: 1.0 }
             } else {
                 let high = heights.map_or(1.0, |heights| seen_ratio(heights, &now.origin, &end));

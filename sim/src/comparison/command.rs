@@ -76,7 +76,7 @@ impl Flights<'_> {
         let mut scenario = args.scenario(seed)?;
         self.camera.apply(&mut scenario.camera);
         let mut config = config(&scenario, Devices::none());
-        config.surface.solve_interval_s = self.comparison.solve_interval_s;
+        config.surface.solve_interval_s = Some(self.comparison.solve_interval_s);
         let survey = survey::fly(&scenario, &config, &[])?;
         let target = self.target_percent / 100.0;
         let who = (world.as_str(), seed, planner);

@@ -118,7 +118,7 @@ pub(super) fn direct_flight(
     scenario.camera.detector.latency = (plan.latency, plan.latency);
     let mut config = config(&scenario, Devices::none());
     config.filter = with_update(&config.filter, plan.update);
-    config.surface.solve_interval_s = SELDOM_S;
+    config.surface.solve_interval_s = Some(SELDOM_S);
     Ok(DirectFlight::with_config(&scenario, &config)?)
 }
 

@@ -105,7 +105,7 @@ pub fn make(
 
 fn experiment_config(experiment: &Experiment, scenario: &Scenario, settings: &Settings) -> Config {
     let mut config = config(scenario, Devices::none());
-    config.surface.solve_interval_s = settings.solve_interval_s;
+    config.surface.solve_interval_s = Some(settings.solve_interval_s);
     experiment.method.set(&mut config);
     config
 }

@@ -41,7 +41,7 @@ fn a_recorded_flight_shows_how_the_lidar_is_mounted() {
     let folder = tempfile::tempdir().expect("a folder");
     let log = folder.path().join("flight.mcap");
     let mut config = config(&scenario, Devices::none());
-    config.surface.solve_interval_s = 20.0;
+    config.surface.solve_interval_s = Some(20.0);
     record(&scenario, &config, &log);
     let options = MountOptions {
         hall_is_empty: true,

@@ -91,7 +91,7 @@ fn the_gaps_of_a_survey_cut_short_are_flown_on_its_kept_map() {
     };
     let mut config = config(&scenario, Devices::none());
     config.surface.method = SurfaceName::MaternField;
-    config.surface.solve_interval_s = 30.0;
+    config.surface.solve_interval_s = Some(30.0);
     let mut flight = Recorded::new(&scenario, &config, &log);
 
     // GIVEN a survey that a person has called home in its middle

@@ -19,7 +19,7 @@ fn field_config(scenario: &Scenario) -> Config {
     let mut config = config(scenario, Devices::none());
     config.surface.method = SurfaceName::MaternField;
     // The result after landing is what counts here.
-    config.surface.solve_interval_s = 20.0;
+    config.surface.solve_interval_s = Some(20.0);
     config
 }
 

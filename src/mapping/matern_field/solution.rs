@@ -156,7 +156,7 @@ impl Level {
         self.response_of(factor.solve(&self.g))
     }
 
-    /// The sum with these weights and the response of the level, by one pass over the factor.
+    /// Q⁻¹ w for a known level, and the level's response, by one pass over the factor.
     pub(super) fn response_and(
         &self,
         factor: &Factor,

@@ -44,6 +44,8 @@ pub(super) struct Scene<'a> {
     /// The map, and what each leg along the pending waypoints will see.
     known: Vec<Sightings>,
     seen_var_m6: f64,
+    /// The same after the pending waypoints, m⁶.
+    pending_var_m6: f64,
     /// σ^V of the account over that of the coarse lattice for the same data.
     scale: f64,
     /// Where the plan begins.
@@ -86,6 +88,7 @@ impl<'a> Scene<'a> {
                 sight.on_way(field, &request.free_space, heights.as_ref(), (&pair[0], &pair[1]));
             known.push(leg);
         }
+        let pending_var_m6 = field.volume_var(&known.iter().collect::<Vec<_>>()).ok()?.total_m6();
         Some(Self {
             request,
             field,
@@ -93,6 +96,7 @@ impl<'a> Scene<'a> {
             heights,
             known,
             seen_var_m6,
+            pending_var_m6,
             scale,
             start,
             e_fold_m: if settings.target_ratio.is_some() {
@@ -104,14 +108,14 @@ impl<'a> Scene<'a> {
         })
     }
 
-    /// Takes from now on what any survey would fly for an e-fold, if it has not yet: paths have new scores. False if it has.
+    /// From now on an e-fold is worth as much as it is at most: paths have other scores. False if it is already.
     pub(super) fn pay_most(&mut self) -> bool {
         std::mem::replace(&mut self.e_fold_m, METRES_PER_E_FOLD) < METRES_PER_E_FOLD
     }
 
-    /// True if flying this path is better than staying.
+    /// True if flying this path is better than ending at the last pending waypoint.
     pub(super) fn pays(&self, path: &Path) -> bool {
-        path.score < self.score(0.0, self.sigma_now_m3())
+        path.score < self.score(0.0, self.sigma_of_m3(self.pending_var_m6))
     }
 
     /// σ^V of what is seen already, m³.

@@ -61,7 +61,7 @@ pub(super) fn around_present(scene: &mut Scene<'_>, current: &[Waypoint]) -> Vec
     best
 }
 
-/// Keeps the best among these paths and those kept before, each up to where more does not pay.
+/// Keeps the best among these paths and those kept before, each up to where it is enough.
 fn keep_shortest_parts(scene: &mut Scene<'_>, paths: Vec<Vec<Waypoint>>, best: &mut Vec<Path>) {
     for waypoints in paths {
         if let Some(path) = shortest_part(scene, waypoints, best) {

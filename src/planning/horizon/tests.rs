@@ -115,6 +115,25 @@ fn the_plan_reaches_the_target_and_is_the_same_again() {
 }
 
 #[test]
+fn plans_one_after_another_reach_a_target_that_is_far() {
+    // Half of what the plan above reaches: the first plans need not lead to it.
+    let mut request = request(Settings { target_ratio: Some(0.01), ..settings() }, Vec::new());
+    let mut way_m = 0.0;
+    loop {
+        let plan = request.run();
+        let end_m3 = plan.prediction.expect("a prediction").sigma_end_m3;
+        let [next, rest @ ..] = &plan.waypoints[..] else { panic!("{plan:?} after {way_m} m") };
+        way_m += request.pending.last().expect("a start").distance_m(next);
+        assert!(way_m < 100.0, "{end_m3} m³ after {way_m} m");
+        if rest.is_empty() && end_m3 <= 0.01 * 192.0 {
+            break;
+        }
+        request.pending.push(*next);
+        request.current = rest.to_vec();
+    }
+}
+
+#[test]
 fn the_search_is_never_worse_than_its_best_seed() {
     let request = request(settings(), Vec::new());
     let mut scene = Scene::new(&request).expect("a scene");
