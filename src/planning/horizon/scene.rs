@@ -20,6 +20,9 @@ const AIM_SHARE: f64 = 0.9;
 const USUAL_SCALE: f64 = 1.15;
 /// Bounds of that ratio: beyond them the lattice says nothing of this map.
 const SCALES: (f64, f64) = (0.5, 10.0);
+/// Before there is a map, slopes are feared to be so many times as steep as usual: heaps cast shadows that hang together,
+/// which no rough surface of independent crests does, and a first plan that trusts it leaves them to be hunted one by one.
+const FEARED_SLOPES: f64 = 2.0;
 /// Waiting for a turn costs this share of the metres that would be flown meanwhile: what counts is the way, but nobody hovers
 /// for it without end.
 const WAITING_SHARE: f64 = 0.15;
@@ -62,12 +65,13 @@ impl<'a> Scene<'a> {
         let Belief::Field { field, surface } = &request.belief else { return None };
         let start = *request.pending.last()?;
         let settings = &request.settings;
+        let slopes = if request.accounted.is_none() { FEARED_SLOPES } else { 1.0 };
         let drop_m = settings.height_m - settings.nominal_height_m;
         let sight = Sight::new(
             &request.lidar,
             drop_m,
             settings.nominal_height_m,
-            settings.slope_sigma,
+            slopes * settings.slope_sigma,
             settings.fix_var_share,
         )
         .among(&settings.space);
