@@ -65,10 +65,11 @@ impl Planner for Horizon {
 }
 
 /// The corners of the square wave with the spacing, direction, margins and corner that score best,
-/// cut where the target is reached; `None` if none is free.
+/// cut where the target is reached; `None` if none is free. Slopes are the usual ones: fear makes waves longer than they
+/// need be in most halls.
 #[must_use]
 pub fn best_square_wave(request: &PlanRequest) -> Option<(Vec<Waypoint>, Prediction)> {
-    let mut scene = Scene::new(request)?;
+    let mut scene = Scene::with_slopes(request, 1.0)?;
     // It is flown as it is: no later plan makes up for what it leaves.
     scene.pay_most();
     let sigma_now_m3 = scene.sigma_now_m3();

@@ -62,10 +62,15 @@ pub(super) struct Scene<'a> {
 impl<'a> Scene<'a> {
     /// None if the request has no place to start from, no field, or a field that cannot be solved.
     pub(super) fn new(request: &'a PlanRequest) -> Option<Self> {
+        let is_blind = request.accounted.is_none();
+        Self::with_slopes(request, if is_blind { FEARED_SLOPES } else { 1.0 })
+    }
+
+    /// The same with slopes so many times as steep as usual.
+    pub(super) fn with_slopes(request: &'a PlanRequest, slopes: f64) -> Option<Self> {
         let Belief::Field { field, surface } = &request.belief else { return None };
         let start = *request.pending.last()?;
         let settings = &request.settings;
-        let slopes = if request.accounted.is_none() { FEARED_SLOPES } else { 1.0 };
         let drop_m = settings.height_m - settings.nominal_height_m;
         let sight = Sight::new(
             &request.lidar,
