@@ -171,7 +171,7 @@ fn nearest_heading(yaw_rad: f64, present_rad: f64) -> f64 {
     wrapped_rad(if is_opposite { yaw_rad + PI } else { yaw_rad })
 }
 
-/// Straight to a place, with one of several headings there.
+/// Straight to each place, with half of the headings there.
 fn single_legs(scene: &Scene<'_>) -> Vec<Vec<Waypoint>> {
     let settings = &scene.request.settings;
     let b = settings.bounds;
