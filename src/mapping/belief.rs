@@ -12,8 +12,8 @@
 //! - `A_j`: area around node j that no beam has hit, m²; `e_j`: the share of it that looks leave (`looks`), holes too small for
 //!   the lattice, whose mean height differs by `s` from what the nodes around say
 //! - `p`: patches that are off as a whole ([`super::unseen_patch`]), each with its area `u_j` and σ at node j; `v_j`: the
-//!   share of its variance that looks leave. They are the map's own; without a map, they are made of the nodes around which
-//!   most stays unseen, with σ by the distance to the others
+//!   share of its variance that looks leave. They are what looks leave of the map's own (`open_patch`); without a map, they are
+//!   made of the nodes around which most stays unseen, with σ by the distance to the others
 //! - `c`: what no flight changes (calibration, base), m⁶
 //!
 //! Checked: `coarse_variance_matches_dense_algebra`, `a_patch_of_the_map_is_off_as_a_whole_until_it_is_looked_at`,
@@ -35,7 +35,7 @@ use crate::messages::GridGeometry;
 use crate::time::{Mono, Stamp};
 use looks::{Looks, Rest};
 use nalgebra::{Matrix3, Matrix6, SMatrix, Vector3};
-use open_patch::OpenPatch;
+use open_patch::OpenPatches;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -88,7 +88,7 @@ pub struct Sightings {
     /// What was looked at around each node.
     looks: Looks,
     /// The patches of unseen ground that a map has; `None` if no map says where they are.
-    patches: Option<Vec<OpenPatch>>,
+    patches: Option<OpenPatches>,
 }
 
 /// How uncertain the volume is.
@@ -251,9 +251,10 @@ impl CoarseField {
         let is_hit: Vec<bool> = cell_info.iter().map(|info| *info > 0.0).collect();
         let hit = is_hit.iter().enumerate().filter(|(_, is_hit)| **is_hit);
         self.count_cells(&mut seen, hit.map(|(cell, _)| cell));
-        seen.patches = work.open_patches(&is_hit).map(|patches| {
-            patches.iter().map(|patch| OpenPatch::new(self.lattice(), patch)).collect()
-        });
+        if let (Some(var_beside), Some(patches)) = (&self.var_beside, work.open_patches(&is_hit)) {
+            let w_m2 = self.functional.weights();
+            seen.patches = Some(OpenPatches::new(self.lattice(), w_m2, &patches, var_beside));
+        }
         seen
     }
 
@@ -320,8 +321,8 @@ impl CoarseField {
             holes_m6: self.holes_m6(&open_m2, &rests),
             patches_m6: match (&self.var_beside, patches) {
                 (None, _) => 0.0,
-                (Some(_), Some(patches)) => {
-                    patches.iter().map(|patch| patch.surplus_m6(&rests, &given.q)).sum()
+                (Some(var_beside), Some(patches)) => {
+                    patches.surplus_m6(self.lattice(), var_beside, &rests, &given.q)
                 }
                 (Some(var_beside), None) => self.patches_m6(var_beside, &open_m2, &rests, &given.q),
             },

@@ -99,7 +99,9 @@ fn a_patch_of_the_map_is_off_as_a_whole_until_it_is_looked_at() {
         error_m3: area_m2 * sigma_m,
     });
     let mut known = field.nothing_seen();
-    known.patches = Some(vec![OpenPatch::new(lattice, &patch)]);
+    let var_beside = field.var_beside.as_ref().expect("patches are known of");
+    known.patches =
+        Some(OpenPatches::new(lattice, field.functional.weights(), &[patch.to_vec()], var_beside));
     let q_m2 = field.functional.given(&known.info).expect("solved").q;
     let by_field_m6: f64 = nodes.iter().map(|node| area_m2 * q_m2[*node]).sum();
     let patches_m6 = |parts: &[&Sightings]| field.volume_var(parts).expect("solved").patches_m6;
