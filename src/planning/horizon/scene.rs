@@ -220,6 +220,16 @@ impl<'a> Scene<'a> {
     /// The path of these waypoints; legs that it shares with `like` are taken from there. None if it
     /// leaves the free space or is too long.
     pub(super) fn path(&mut self, waypoints: Vec<Waypoint>, like: Option<&Path>) -> Option<Path> {
+        self.path_below(f64::INFINITY, waypoints, like)
+    }
+
+    /// The same, if it scores less than this.
+    pub(super) fn path_below(
+        &mut self,
+        score: f64,
+        waypoints: Vec<Waypoint>,
+        like: Option<&Path>,
+    ) -> Option<Path> {
         let length_m = self.length_m(&waypoints);
         if !self.is_within_reach(&waypoints, waypoints.last()?) {
             return None;
@@ -234,10 +244,20 @@ impl<'a> Scene<'a> {
             legs.push(known.unwrap_or_else(|| self.look(&from, to)));
             from = *to;
         }
-        let sigma_m3 = self.sigma_m3(&legs)?;
         let cost_m = self.cost_m(&waypoints);
-        let score = self.score(cost_m, sigma_m3);
-        Some(Path { waypoints, legs, length_m, cost_m, sigma_m3, score })
+        if score < f64::INFINITY && self.score(cost_m, self.least_sigma_m3(&legs)) >= score {
+            return None;
+        }
+        let sigma_m3 = self.sigma_m3(&legs)?;
+        let path = Path {
+            score: self.score(cost_m, sigma_m3),
+            waypoints,
+            legs,
+            length_m,
+            cost_m,
+            sigma_m3,
+        };
+        (path.score < score).then_some(path)
     }
 
     fn same_leg(&self, like: &Path, from: &Waypoint, to: &Waypoint) -> Option<Arc<Sightings>> {
@@ -254,10 +274,17 @@ impl<'a> Scene<'a> {
     /// σ^V after the pending waypoints and these legs, m³.
     pub(super) fn sigma_m3(&mut self, legs: &[Arc<Sightings>]) -> Option<f64> {
         self.n_looked_at += 1;
-        let parts: Vec<&Sightings> =
-            self.known.iter().chain(legs.iter().map(Arc::as_ref)).collect();
-        let var = self.field.volume_var(&parts).ok()?;
+        let var = self.field.volume_var(&self.all_seen(legs)).ok()?;
         Some(self.sigma_of_m3(var.total_m6()))
+    }
+
+    /// It is not less than this, m³.
+    fn least_sigma_m3(&self, legs: &[Arc<Sightings>]) -> f64 {
+        self.sigma_of_m3(self.field.least_volume_var_m6(&self.all_seen(legs)))
+    }
+
+    fn all_seen<'b>(&'b self, legs: &'b [Arc<Sightings>]) -> Vec<&'b Sightings> {
+        self.known.iter().chain(legs.iter().map(Arc::as_ref)).collect()
     }
 
     /// True while so much is unknown that what is planned may have to be turned over.

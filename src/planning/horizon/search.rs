@@ -41,9 +41,7 @@ fn climb(scene: &mut Scene<'_>, mut best: Path, n_paths: usize, noise: &mut Nois
         if scene.score(scene.cost_m(&changed), 0.0) >= best.score {
             continue;
         }
-        if let Some(path) = scene.path(changed, Some(&best))
-            && path.score < best.score
-        {
+        if let Some(path) = scene.path_below(best.score, changed, Some(&best)) {
             best = path;
         }
     }

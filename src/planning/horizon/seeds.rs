@@ -50,7 +50,8 @@ pub(super) fn around_present(scene: &mut Scene<'_>, current: &[Waypoint]) -> Vec
         }
     }
     for waypoints in single_legs(scene) {
-        if let Some(path) = scene.path(waypoints, None) {
+        let worst = worst_score(&best);
+        if let Some(path) = scene.path_below(worst, waypoints, None) {
             keep(&mut best, path);
         }
     }
@@ -76,6 +77,11 @@ fn keep(best: &mut Vec<Path>, path: Path) {
     best.truncate(N_BEST);
 }
 
+/// What a path must score less than to be kept.
+fn worst_score(best: &[Path]) -> f64 {
+    best.get(N_BEST - 1).map_or(f64::INFINITY, |path| path.score)
+}
+
 /// The path up to the waypoint from which on more does not pay; `None` if it cannot be among the best.
 fn shortest_part(
     scene: &mut Scene<'_>,
@@ -85,7 +91,7 @@ fn shortest_part(
     while !scene.is_within_reach(&waypoints, waypoints.last()?) {
         waypoints.pop();
     }
-    let worst = best.get(N_BEST - 1).map_or(f64::INFINITY, |path| path.score);
+    let worst = worst_score(best);
     if scene.cost_m(&waypoints[..waypoints.len().min(2)]) >= worst {
         return None;
     }
