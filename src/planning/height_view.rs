@@ -14,8 +14,8 @@
 //! ```
 //! - `m`, `s`: guess and its standard deviation, m, the guess taken half of that below the surface drawn there: ground is
 //!   unknown because it was hidden so far, so it lies low rather than high
-//! - `f`: the lowest base, m; `u`: what rays that passed over it leave, m. A look that reaches no lower than those before sees
-//!   nothing new.
+//! - `f`: the lowest base, m; `u`: what rays that passed over it leave, m. A look that reaches no lower than those before, or
+//!   lower by less than rays are apart, sees nothing new.
 
 use crate::mapping::KnownHeights;
 use nalgebra::{Vector2, Vector3};
@@ -25,6 +25,8 @@ const STEP_CELLS: f64 = 0.8;
 /// Known ground is hidden only by what stands this far above the ray, in cells; unknown ground is seen only by a ray that
 /// passes so far above what stands between.
 const CLEARANCE_CELLS: f64 = 0.4;
+/// A look must reach this much lower than those before, in cells.
+const LOWER_CELLS: f64 = 0.5;
 /// Unknown ground lies so much lower than the surface drawn over it, in its σ.
 const HOLLOW_SIGMAS: f64 = 0.5;
 /// … and hardly farther from that than this many.
@@ -59,7 +61,7 @@ pub fn seen_ratio(heights: &KnownHeights, origin: &Vector3<f64>, end: &Vector2<f
     let low_m = (guess_m - far_m).max(floor_m);
     let high_m = (guess_m + far_m).min(ceiling_m);
     let least_m = least_visible_m(heights, origin, &span(low_m, high_m), clearance_m);
-    if least_m >= high_m {
+    if least_m >= high_m.min(ceiling_m - LOWER_CELLS * heights.grid.cell_m) {
         return 0.0;
     }
     ((ceiling - below(least_m).max(floor)) / (ceiling - floor)).clamp(0.0, 1.0)

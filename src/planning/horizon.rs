@@ -33,6 +33,8 @@ const N_FRESH: usize = 1200;
 const LEAST_COST_M: f64 = 1.0;
 /// Paths that are looked at to better the present plan, seeds included.
 const N_AGAIN: usize = 300;
+/// The same while so much is unknown that all of it may have to be turned over.
+const N_FAR: usize = 1200;
 
 impl Planner for Horizon {
     fn plan(&self, request: &PlanRequest) -> Plan {
@@ -89,7 +91,8 @@ impl Scene<'_> {
         } else {
             let n_before = self.n_looked_at;
             let starts = seeds::around_present(self, &request.current);
-            let n_left = (N_AGAIN / divisor).saturating_sub(self.n_looked_at - n_before);
+            let n_paths = if self.is_far_from_target() { N_FAR } else { N_AGAIN };
+            let n_left = (n_paths / divisor).saturating_sub(self.n_looked_at - n_before);
             search::improve(self, starts, n_left)
         }
     }
