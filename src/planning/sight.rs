@@ -65,8 +65,6 @@ pub struct Sight {
 struct Ray {
     /// Where it goes in body axes, no unit.
     ahead: Vector2<f64>,
-    /// Its length, no unit.
-    length: f64,
     /// Ground between neighbouring rays, no unit.
     ground: f64,
     /// Direction of the scan line on the ground in body axes.
@@ -166,17 +164,17 @@ impl Sight {
         at: &Waypoint,
     ) {
         for (i, ray) in self.rays.iter().enumerate() {
-            let range_m = ray.length * now.drop_m;
+            let end = now.ends[i];
+            let at_end = heights.and_then(|h| Some((h, h.grid.cell_at(end.x, end.y)?)));
+            let ground_m = at_end.map_or(self.nominal_height_m, |(h, cell)| h.height_m[cell]);
+            let range_m = (Vector3::new(end.x, end.y, ground_m) - now.origin).norm();
             if !(self.min_range_m..=self.max_range_m).contains(&range_m) {
                 continue;
             }
-            let end = now.ends[i];
             let Some(row) = field.lattice().row_at(end.x, end.y) else { continue };
-            let at_end = heights.and_then(|h| Some((h, h.grid.cell_at(end.x, end.y)?)));
             // A cell above the ground: what it lies on does not hide it.
-            let ground_m =
-                at_end.map_or(self.nominal_height_m, |(h, cell)| h.height_m[cell] + h.grid.cell_m);
-            if self.is_blocked(&now.origin, &Vector3::new(end.x, end.y, ground_m)) {
+            let above_m = at_end.map_or(ground_m, |(h, _)| ground_m + h.grid.cell_m);
+            if self.is_blocked(&now.origin, &Vector3::new(end.x, end.y, above_m)) {
                 continue;
             }
             let line = turned(&ray.line, now.turn);
@@ -235,21 +233,21 @@ fn rays(lidar: &LidarMount, spacing: f64, slope_sigma: f64) -> Vec<Ray> {
         let fall = -along.z;
         let ground = along.xy().norm();
         (fall > LEAST_FALL * ground && fall > 0.0 && !lidar.is_blind(angle_rad))
-            .then(|| (along.xy() / fall, 1.0 / fall))
+            .then(|| along.xy() / fall)
     };
     let mut rays = Vec::new();
     let mut last: Option<Vector2<f64>> = None;
     let mut angle_rad = -std::f64::consts::PI;
     while angle_rad < std::f64::consts::PI {
-        if let Some((ahead, length)) = end(angle_rad) {
+        if let Some(ahead) = end(angle_rad) {
             let step = last.map_or(spacing, |last| (ahead - last).norm());
             if step >= spacing {
-                let next = end(angle_rad + FINE_RAD).map_or(ahead, |(next, _)| next);
+                let next = end(angle_rad + FINE_RAD).unwrap_or(ahead);
                 let line = (next - ahead).try_normalize(1e-12).unwrap_or_else(Vector2::zeros);
                 let fall = 1.0 / ahead.norm().max(1e-6);
                 let ground = step.min(2.0 * spacing);
                 let seen_ratio = shadowing(fall, slope_sigma);
-                rays.push(Ray { ahead, length, ground, line, seen_ratio });
+                rays.push(Ray { ahead, ground, line, seen_ratio });
                 last = Some(ahead);
             }
         } else {
