@@ -31,7 +31,7 @@ pub struct UnseenGround {
 /// What is known of the ground at a node.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ground {
-    /// It is seen, or does not count.
+    /// It is seen, or no ground that counts by itself.
     Known,
     /// It is unseen beside what is seen. Thin gaps between scans are made of such nodes alone: they hang
     /// together over the whole map, and make no patch.

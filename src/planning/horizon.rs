@@ -28,13 +28,13 @@ use scene::Scene;
 pub struct Horizon;
 
 /// Paths that are looked at when there is no plan yet.
-const N_FRESH: usize = 1200;
+const N_FRESH: usize = 2400;
 /// Going on at all is judged as if it cost this much more, m.
 const LEAST_COST_M: f64 = 1.0;
 /// Paths that are looked at to better the present plan, seeds included.
-const N_AGAIN: usize = 300;
+const N_AGAIN: usize = 1000;
 /// The same while so much is unknown that all of it may have to be turned over.
-const N_FAR: usize = 1200;
+const N_FAR: usize = 2800;
 
 impl Planner for Horizon {
     fn plan(&self, request: &PlanRequest) -> Plan {
@@ -67,11 +67,10 @@ impl Planner for Horizon {
 }
 
 /// The corners of the square wave with the spacing, direction, margins and corner that score best,
-/// cut where the target is reached; `None` if none is free. Slopes are the usual ones: fear makes waves longer than they
-/// need be in most halls.
+/// cut where the target is reached; `None` if none is free.
 #[must_use]
 pub fn best_square_wave(request: &PlanRequest) -> Option<(Vec<Waypoint>, Prediction)> {
-    let mut scene = Scene::with_slopes(request, 1.0)?;
+    let mut scene = Scene::new(request)?;
     // It is flown as it is: no later plan makes up for what it leaves.
     scene.pay_most();
     let sigma_now_m3 = scene.sigma_now_m3();

@@ -11,6 +11,9 @@ use crate::mapping::shares::SeenCells;
 use crate::mapping::unseen_patch::{Ground, VarBesideSeen};
 use std::sync::Arc;
 
+/// Nodes that stand for less than this share of a cell are no ground by themselves: they lie in walls or outside, where no beam
+/// could have reached them.
+const LEAST_GROUND_SHARE: f64 = 0.5;
 /// A cell counts as seen from this much of a patch on: one hit in its middle, or two beside it.
 const SEEN_FROM_PATCHES: f64 = 0.5;
 
@@ -97,8 +100,9 @@ impl Setup {
     /// What is known of the ground at each node, of which these areas count.
     pub(super) fn ground(&self, is_known: &[bool], areas_m2: &[f64]) -> Vec<Ground> {
         let is_hidden = self.lattice.far_from(is_known);
+        let least_m2 = LEAST_GROUND_SHARE * self.lattice.grid().cell_area_m2();
         let at_node = |node: usize| match () {
-            () if is_known[node] || areas_m2[node] <= 0.0 => Ground::Known,
+            () if is_known[node] || areas_m2[node] < least_m2 => Ground::Known,
             () if is_hidden[node] => Ground::Core,
             () => Ground::Rim,
         };

@@ -20,9 +20,6 @@ const AIM_SHARE: f64 = 0.9;
 const USUAL_SCALE: f64 = 1.15;
 /// Bounds of that ratio: beyond them the lattice says nothing of this map.
 const SCALES: (f64, f64) = (0.5, 10.0);
-/// Before there is a map, slopes are feared to be so many times as steep as usual: heaps cast shadows that hang together,
-/// which no rough surface of independent crests does, and a first plan that trusts it leaves them to be hunted one by one.
-const FEARED_SLOPES: f64 = 2.0;
 /// Waiting for a turn costs this share of the metres that would be flown meanwhile: what counts is the way, but nobody hovers
 /// for it without end.
 const WAITING_SHARE: f64 = 0.15;
@@ -62,12 +59,6 @@ pub(super) struct Scene<'a> {
 impl<'a> Scene<'a> {
     /// None if the request has no place to start from, no field, or a field that cannot be solved.
     pub(super) fn new(request: &'a PlanRequest) -> Option<Self> {
-        let is_blind = request.accounted.is_none();
-        Self::with_slopes(request, if is_blind { FEARED_SLOPES } else { 1.0 })
-    }
-
-    /// The same with slopes so many times as steep as usual.
-    pub(super) fn with_slopes(request: &'a PlanRequest, slopes: f64) -> Option<Self> {
         let Belief::Field { field, surface } = &request.belief else { return None };
         let start = *request.pending.last()?;
         let settings = &request.settings;
@@ -76,7 +67,7 @@ impl<'a> Scene<'a> {
             &request.lidar,
             drop_m,
             settings.nominal_height_m,
-            slopes * settings.slope_sigma,
+            settings.slope_sigma,
             settings.fix_var_share,
         )
         .among(&settings.space);
