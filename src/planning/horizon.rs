@@ -28,13 +28,13 @@ use scene::Scene;
 pub struct Horizon;
 
 /// Paths that are looked at when there is no plan yet.
-const N_FRESH: usize = 2400;
+const N_FRESH: usize = 1600;
 /// Going on at all is judged as if it cost this much more, m.
 const LEAST_COST_M: f64 = 1.0;
 /// Paths that are looked at to better the present plan, seeds included.
-const N_AGAIN: usize = 1000;
+const N_AGAIN: usize = 500;
 /// The same while so much is unknown that all of it may have to be turned over.
-const N_FAR: usize = 2800;
+const N_FAR: usize = 1600;
 
 impl Planner for Horizon {
     fn plan(&self, request: &PlanRequest) -> Plan {
