@@ -327,7 +327,8 @@ impl CoarseField {
 
     /// The variance of the volume after all these is not less, m⁶; much faster to be had than it.
     ///
-    /// What the field has for a patch is a part of what it has for all, heights being correlated with the volume.
+    /// What the field has for a patch is a part of what it has for all, if no height goes against the volume; that some
+    /// do a little is neglected.
     #[must_use]
     pub fn least_volume_var_m6(&self, parts: &[&Sightings]) -> f64 {
         let unseen = self.unseen(parts);
