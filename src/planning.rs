@@ -76,6 +76,8 @@ pub struct Settings {
     pub fix_var_share: f64,
     /// Seed of the search for paths.
     pub seed: u64,
+    /// Paths that the search looks at, over its usual number.
+    pub search_effort: f64,
     /// The program that plans, if one does.
     pub external: Option<external::ExternalSettings>,
     /// Bounds of the trajectory.
@@ -105,6 +107,7 @@ impl Settings {
             sees_shadows: false,
             fix_var_share: 0.1,
             seed: 0,
+            search_effort: 1.0,
             external: None,
             limits: trajectory::Limits::default(),
             space: space::SpaceSettings::default(),

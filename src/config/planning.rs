@@ -77,6 +77,8 @@ pub struct PlanningSection {
     pub shadows: Option<bool>,
     /// Seed of the search for paths.
     pub seed: u64,
+    /// Paths that `horizon` looks at, over its usual number: less where a plan takes longer than the second that it should.
+    pub search_effort: f64,
     /// Largest speed, m/s.
     pub max_speed_mps: f64,
     /// Largest acceleration, m/s².
@@ -112,6 +114,7 @@ impl Default for PlanningSection {
             min_fix_quality: 8.0,
             shadows: None,
             seed: 0,
+            search_effort: 1.0,
             max_speed_mps: 2.0,
             max_accel_mps2: 2.0,
             max_jerk_mps3: 12.0,
@@ -205,6 +208,7 @@ impl Config {
             sees_shadows: p.shadows.unwrap_or(p.chosen_planner() == PlannerName::Horizon),
             fix_var_share: FIX_VAR_SHARE,
             seed: p.seed,
+            search_effort: within("planning.search_effort", p.search_effort, (0.05, 10.0), "")?,
             external: self.external_planner()?,
             limits: trajectory_limits(p)?,
             space,

@@ -28,13 +28,13 @@ use scene::Scene;
 pub struct Horizon;
 
 /// Paths that are looked at when there is no plan yet.
-const N_FRESH: usize = 1600;
+const N_FRESH: f64 = 4000.0;
 /// Going on at all is judged as if it cost this much more, m.
 const LEAST_COST_M: f64 = 1.0;
 /// Paths that are looked at to better the present plan, seeds included.
-const N_AGAIN: usize = 500;
+const N_AGAIN: f64 = 1200.0;
 /// The same while so much is unknown that all of it may have to be turned over.
-const N_FAR: usize = 1600;
+const N_FAR: f64 = 4000.0;
 
 impl Planner for Horizon {
     fn plan(&self, request: &PlanRequest) -> Plan {
@@ -46,13 +46,13 @@ impl Planner for Horizon {
         if scene.is_enough_by_account(sigma_now_m3) {
             return scene.finished(PlanEnd::Target, sigma_now_m3);
         }
-        let mut best = scene.best(1);
+        let mut best = scene.best(1.0);
         // Where the rest of the way is long for what it brings, it is flown all the same.
         let is_dear = |scene: &Scene<'_>, best: &Path| {
             !scene.pays(best) || scene.is_small_gain(best, sigma_now_m3)
         };
         if best.as_ref().is_some_and(|best| is_dear(&scene, best)) && scene.pay_most() {
-            best = scene.best(2);
+            best = scene.best(0.5);
         }
         let Some(best) = best else {
             let is_out_of_reach = request.longest_m.is_some();
@@ -81,17 +81,19 @@ pub fn best_square_wave(request: &PlanRequest) -> Option<(Vec<Waypoint>, Predict
 }
 
 impl Scene<'_> {
-    /// The best path that is found, looking at `1 / divisor` of the usual number.
-    fn best(&mut self, divisor: usize) -> Option<Path> {
+    /// The best path that is found, looking at this share of the usual number.
+    fn best(&mut self, share: f64) -> Option<Path> {
         let request = self.request;
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "thousands")]
+        let paths = |usual: f64| (usual * share * request.settings.search_effort) as usize;
         if request.current.is_empty() && request.accounted.is_none() {
             let starts = seeds::best_of_all(self);
-            search::improve(self, starts, N_FRESH / divisor)
+            search::improve(self, starts, paths(N_FRESH))
         } else {
             let n_before = self.n_looked_at;
             let starts = seeds::around_present(self, &request.current);
             let n_paths = if self.is_far_from_target() { N_FAR } else { N_AGAIN };
-            let n_left = (n_paths / divisor).saturating_sub(self.n_looked_at - n_before);
+            let n_left = paths(n_paths).saturating_sub(self.n_looked_at - n_before);
             search::improve(self, starts, n_left)
         }
     }

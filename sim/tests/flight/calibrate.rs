@@ -42,6 +42,8 @@ fn a_recorded_flight_shows_how_the_lidar_is_mounted() {
     let log = folder.path().join("flight.mcap");
     let mut config = config(&scenario, Devices::none());
     config.surface.solve_interval_s = Some(20.0);
+    // Any path that turns does.
+    config.planning.search_effort = 0.1;
     record(&scenario, &config, &log);
     let options = MountOptions {
         hall_is_empty: true,
