@@ -169,6 +169,11 @@ mod tests {
         heights.ceiling_m = vec![0.45; heights.ceiling_m.len()];
         assert!(seen(&heights, 4.0, 8.5) < 1e-12);
         assert!((seen(&heights, 16.0, 8.5) - 1.0).abs() < 1e-12);
+        // A look that reaches lower than they did by less than half a cell sees nothing new; one by more does.
+        heights.ceiling_m = vec![0.6; heights.ceiling_m.len()];
+        assert!(seen(&heights, 4.0, 8.5) < 1e-12);
+        heights.ceiling_m = vec![0.78; heights.ceiling_m.len()];
+        assert!(seen(&heights, 4.0, 8.5) > 1e-3);
         heights.ceiling_m = vec![-0.1; heights.ceiling_m.len()];
         // A ceiling under the floor is a small error of one of them: the ground is seen from above all the same.
         assert!((seen(&heights, 16.0, 8.5) - 1.0).abs() < 1e-12);

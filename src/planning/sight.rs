@@ -273,6 +273,52 @@ pub fn shadowing(fall: f64, slope_sigma: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::{Point, Rotation, Transform};
+    use crate::mapping::matern_field::Prior;
+    use crate::mapping::region::{Rect, Region};
+
+    #[test]
+    fn the_range_ends_at_the_ground_of_the_map() {
+        let bounds = Rect { x_min_m: 0.0, y_min_m: 0.0, x_max_m: 20.0, y_max_m: 10.0 };
+        let region =
+            Region { bounds, exclusions: Vec::new(), exclusion_margin_m: 0.0, bays: Vec::new() };
+        let grid = region.grid(0.5);
+        let prior = Prior { range_m: 5.0, sigma_m: 1.0, mean_m: 3.0, mean_sigma_m: 1.0 };
+        let areas_m2 = vec![grid.cell_area_m2(); grid.n_cells()];
+        let field = CoarseField::new(&region, grid, &areas_m2, prior).expect("a prior");
+        let lidar = LidarMount {
+            body_from_lidar: Transform::new(
+                Rotation::from_euler_rad(0.0, std::f64::consts::FRAC_PI_2, 0.0),
+                Point::origin(),
+            ),
+            range_sigma_m: 0.01,
+            angle_sigma_rad: 0.002,
+            min_range_m: 0.1,
+            max_range_m: 8.0,
+            blind_sectors_rad: Vec::new(),
+        };
+        // 10 m over the floor, 7 m over the nominal level.
+        let sight = Sight::new(&lidar, 7.0, 3.0, 0.6, 0.1);
+        let at = |x_m| Waypoint { place: Point::new(x_m, 5.0, 10.0), yaw_rad: 0.0 };
+        let seen_nodes = |ground_m: f64| {
+            let heights_m = vec![ground_m; grid.n_cells()];
+            let heights = KnownHeights::new(grid, heights_m, vec![true; grid.n_cells()], 1.0);
+            let mut seen = field.nothing_seen();
+            let (from, to) = (at(9.0), at(9.9));
+            sight.add_scan(
+                &mut seen,
+                &field,
+                Some(&heights),
+                (&sight.ends(&from), &sight.ends(&to)),
+                &to,
+            );
+            let lattice = field.lattice();
+            (0..lattice.n_nodes()).filter(|node| seen.info.n_hits(*node) > 0.0).count()
+        };
+        assert_eq!(seen_nodes(1.0), 0, "the ground lies 9 m below, the LiDAR reaches 8 m");
+        let (far, near) = (seen_nodes(3.0), seen_nodes(6.0));
+        assert!(far > 0 && near > far, "{far} nodes from 7 m, {near} from 4 m");
+    }
 
     #[test]
     fn shadowing_matches_its_integral() {

@@ -128,6 +128,87 @@ fn a_patch_of_the_map_is_off_as_a_whole_until_it_is_looked_at() {
     is(patches_m6(&[&known, &sure]), 0.0);
 }
 
+/// A patch of the nodes of a square, each with 0.25 m² and σ = 30 m, in a map that knows all around; and its middle.
+fn square_patch(field: &CoarseField) -> (Sightings, Vec<OpenNode>) {
+    let lattice = field.lattice();
+    let (x_m, y_m) = lattice.place_m(lattice.nearest_node(3.0, 2.5));
+    let d_m = lattice.spacing_m();
+    let steps = [-1.0, 0.0, 1.0];
+    let places = steps.map(|dy| steps.map(|dx| (x_m + dx * d_m, y_m + dy * d_m)));
+    let nodes: Vec<OpenNode> = places
+        .into_iter()
+        .flatten()
+        .map(|place_m| OpenNode { place_m, area_m2: 0.25, error_m3: 7.5 })
+        .collect();
+    let mut known = field.nothing_seen();
+    let (w_m2, var_beside) = (field.functional.weights(), field.var_beside.as_ref());
+    let var_beside = var_beside.expect("patches are known of");
+    known.patches = Some(OpenPatches::new(lattice, w_m2, std::slice::from_ref(&nodes), var_beside));
+    (known, nodes)
+}
+
+/// A look at all the ground around these nodes.
+fn look_at(field: &CoarseField, nodes: &[OpenNode], chance: Chance) -> Sightings {
+    let mut leg = field.nothing_seen();
+    for node in nodes {
+        let row = field.lattice().row_at(node.place_m.0, node.place_m.1).expect("inside");
+        leg.look(&row, 100.0, chance);
+    }
+    leg
+}
+
+#[test]
+fn looks_part_a_patch_and_bring_known_ground_nearer() {
+    let field = field();
+    let (known, nodes) = square_patch(&field);
+    // Without the field, which has little for heights of 30 m.
+    let patches_m6 = |parts: &[&Sightings]| {
+        let unseen = field.unseen(parts);
+        field.patches_m6(parts, &unseen, &vec![0.0; field.lattice().n_nodes()])
+    };
+    let is = |got: f64, expected: f64| {
+        assert!((got / expected - 1.0).abs() < 1e-5, "{got}, not {expected}")
+    };
+    let sure = Chance { open: 1.0, high: 1.0 };
+    is(patches_m6(&[&known]), (9.0_f64 * 7.5).powi(2));
+    // The middle column seen, three nodes to either side stay, each a step from seen ground as before.
+    let column: Vec<OpenNode> = [1, 4, 7].map(|k| nodes[k]).to_vec();
+    let parted = look_at(&field, &column, sure);
+    is(patches_m6(&[&known, &parted]), 2.0 * (3.0_f64 * 7.5).powi(2));
+    // The middle of the southern edge seen, one patch stays whose middle is one step from seen ground, not two. σ there
+    // falls by (1 − r(1.25 m))/(1 − r(2.5 m)) with r(d) = κ d K₁(κ d), κ = √8/5: 0.268086/0.555657.
+    let middle = 0.268_086_f64 / 0.555_657;
+    let notched = look_at(&field, &nodes[1..2], sure);
+    is(patches_m6(&[&known, &notched]), ((7.0 + middle) * 7.5).powi(2));
+}
+
+#[test]
+fn no_looks_leave_less_than_the_least_variance() {
+    let field = field();
+    let (known, nodes) = square_patch(&field);
+    let mut noise = SeedBook::new(11).stream("looks");
+    for case in 0..40 {
+        let mut legs = Vec::new();
+        for _ in 0..3 {
+            let seen: Vec<OpenNode> =
+                nodes.iter().filter(|_| noise.between(0.0, 1.0) < 0.5).copied().collect();
+            let chance = Chance { open: noise.between(0.3, 1.0), high: noise.between(0.0, 1.0) };
+            let mut leg = look_at(&field, &seen, chance);
+            for node in &seen {
+                let row = field.lattice().row_at(node.place_m.0, node.place_m.1).expect("inside");
+                leg.info.add(&row, 0.0, field.info_per_area_seen_with(chance.open * chance.high));
+            }
+            legs.push(leg);
+        }
+        let parts: Vec<&Sightings> = std::iter::once(&known).chain(&legs).collect();
+        let whole_m6 = field.volume_var(&parts).expect("solved").total_m6();
+        let least_m6 = field.least_volume_var_m6(&parts);
+        assert!(least_m6 <= whole_m6 * (1.0 + 1e-9), "case {case}: {least_m6} > {whole_m6}");
+        // It is a bound that tells: patches of 30 m are most of what there is.
+        assert!(least_m6 > 0.5 * (whole_m6 - 40.0), "case {case}: {least_m6} of {whole_m6}");
+    }
+}
+
 #[test]
 fn height_and_tilt_follow_the_heading() {
     // 1° of roll of a body that heads along y is tilt about y of the hall.

@@ -4,6 +4,7 @@ use super::*;
 use crate::geometry::{Body, Hall, Point, Rotation, Transform};
 use crate::mapping::matern_field;
 use crate::mapping::region::{Rect, Region};
+use crate::mapping::unseen_patch::Ground;
 use crate::mapping::{Mapper, Method, SolvedSurface, grid_map};
 use crate::messages::{Beam, BudgetSource, PoseError, Scan};
 use crate::stats::SeedBook;
@@ -151,6 +152,25 @@ fn fully_seen_ground_has_nothing_hidden() {
     let landed = solved(&mapper, true);
     let sigma_m3 = landed.accounts[0].estimate.sigma_m3;
     assert!(row_m6(&landed, BudgetSource::HiddenGround) < 0.02 * sigma_m3 * sigma_m3);
+}
+
+#[test]
+fn what_stands_for_less_than_half_a_cell_is_no_unseen_ground() {
+    let mapper = mapper();
+    let work = mapper.snapshot(Stamp::ZERO, false);
+    let crate::mapping::SolveSurface::MaternField(work) = &work else { panic!("a field") };
+    let setup = &work.setup;
+    let is_known = vec![false; setup.lattice.n_nodes()];
+    let mut areas_m2 = setup.areas_m2().swap_remove(0);
+    let cell_m2 = 0.25 * 0.25;
+    let (thin, half) = (setup.lattice.nearest_node(4.0, 4.0), setup.lattice.nearest_node(6.0, 4.0));
+    areas_m2[thin] = 0.4 * cell_m2;
+    areas_m2[half] = 0.6 * cell_m2;
+    let ground = setup.ground(&is_known, &areas_m2);
+    assert_eq!((ground[thin], ground[half]), (Ground::Known, Ground::Core));
+    // The padding outside of the region is no ground, all within is.
+    let n_open = ground.iter().filter(|ground| **ground != Ground::Known).count();
+    assert!(n_open < setup.lattice.n_nodes() && n_open.abs_diff(32 * 32) <= 33, "{n_open}");
 }
 
 #[test]
