@@ -3,7 +3,7 @@
 //!
 //! ```text
 //! Q = Q0 + Σ_seen a aᵀ ι dA,   q = Q⁻¹ w
-//! (σ^V)² = wᵀ q + Σ_k s_kᵀ P_k s_k + Σ_j s² (A_j e_j)² + Σ_p (S_p² − (Σ_{j∈p} u_j √v_j q_j)₊)₊ + c
+//! (σ^V)² = wᵀ q + Σ_k s_kᵀ P_k s_k + Σ_j s² (A_j e_j)² + Σ_p (S_p² − (Σ_{j∈p} u_j √v_j q_j)₊)₊ + ρ Σ_p Σ_{r≠p} S_p S_r + c
 //! s_k = Σ_{i∈k} ι_i a_iᵀ q ∂z_i/∂(z, θ_x, θ_y),   S_p = Σ_{j∈p} u_j σ_j √v_j
 //! ```
 //! - `ι`: information about the coarse field per area that was seen, 1/m⁴: seen ground counts
@@ -11,7 +11,7 @@
 //! - `k`: stretch of a flight over which the pose's error stays the same; `P_k` its covariance
 //! - `A_j`: area around node j that no beam has hit, m²; `e_j`: the share of it that looks leave (`looks`), holes too small for
 //!   the lattice, whose mean height differs by `s` from what the nodes around say
-//! - `p`: patches that are off as a whole ([`super::unseen_patch`]), each with its area `u_j` and σ at node j; `v_j`: the
+//! - `p`, `r`: patches that are off as a whole, and correlated by ρ ([`super::unseen_patch`]), each with its area `u_j` and σ at node j; `v_j`: the
 //!   share of its variance that looks leave. They are what looks leave of the map's own (`open_patch`); without a map, they are
 //!   made of the nodes around which most stays unseen, with σ by the distance to the others
 //! - `c`: what no flight changes (calibration, base), m⁶

@@ -10,7 +10,9 @@
 
 use super::looks::Rest;
 use crate::mapping::matern_field::Lattice;
-use crate::mapping::unseen_patch::{Ground, OpenNode, VarBesideSeen, patches};
+use crate::mapping::unseen_patch::{
+    Ground, OpenNode, PatchError, VarBesideSeen, patches, surpluses_m6,
+};
 use std::collections::BTreeMap;
 
 /// All of them.
@@ -85,7 +87,9 @@ impl OpenPatches {
         q_m2: &[f64],
     ) -> f64 {
         let left = self.left(lattice, var_beside, rests);
-        self.patches.iter().map(|patch| patch.surplus_m6(rests, q_m2, &left, self)).sum()
+        let errors: Vec<PatchError> =
+            self.patches.iter().flat_map(|patch| patch.errors(rests, q_m2, &left, self)).collect();
+        surpluses_m6(&errors).into_iter().sum()
     }
 
     fn left(&self, lattice: &Lattice, var_beside: &VarBesideSeen, rests: &[Rest]) -> Left {
@@ -120,19 +124,24 @@ impl OpenPatch {
         Self { ground: by_node.into_values().collect() }
     }
 
-    fn surplus_m6(&self, rests: &[Rest], q_m2: &[f64], left: &Left, all: &OpenPatches) -> f64 {
-        let mut parts: BTreeMap<usize, (f64, f64)> = BTreeMap::new();
+    /// Those of the parts that looks leave of it.
+    fn errors(
+        &self,
+        rests: &[Rest],
+        q_m2: &[f64],
+        left: &Left,
+        all: &OpenPatches,
+    ) -> impl Iterator<Item = PatchError> + use<> {
+        let mut parts: BTreeMap<usize, PatchError> = BTreeMap::new();
         for ground in &self.ground {
             let Some(part) = left.part_of[ground.node] else { continue };
             let nearer = left.var_beside_m2[ground.node] / all.var_beside_m2[ground.node];
             let stays = rests[ground.node].var_share.sqrt();
-            let (shared_m3, by_field_m6) = parts.entry(part).or_default();
-            *shared_m3 += stays * nearer.sqrt() * ground.error_m3;
-            *by_field_m6 += stays * ground.area_m2 * q_m2[ground.node];
+            let none = PatchError { shared_m3: 0.0, by_field_m6: 0.0 };
+            let error = parts.entry(part).or_insert(none);
+            error.shared_m3 += stays * nearer.sqrt() * ground.error_m3;
+            error.by_field_m6 += stays * ground.area_m2 * q_m2[ground.node];
         }
-        let surplus_m6 = |(shared_m3, by_field_m6): (f64, f64)| {
-            (shared_m3 * shared_m3 - by_field_m6.max(0.0)).max(0.0)
-        };
-        parts.into_values().map(surplus_m6).sum()
+        parts.into_values()
     }
 }

@@ -171,10 +171,11 @@ fn looks_part_a_patch_and_bring_known_ground_nearer() {
     };
     let sure = Chance { open: 1.0, high: 1.0 };
     is(patches_m6(&[&known]), (9.0_f64 * 7.5).powi(2));
-    // The middle column seen, three nodes to either side stay, each a step from seen ground as before.
+    // The middle column seen, three nodes to either side stay, each a step from seen ground as before; two
+    // patches, correlated by 0.3.
     let column: Vec<OpenNode> = [1, 4, 7].map(|k| nodes[k]).to_vec();
     let parted = look_at(&field, &column, sure);
-    is(patches_m6(&[&known, &parted]), 2.0 * (3.0_f64 * 7.5).powi(2));
+    is(patches_m6(&[&known, &parted]), (2.0 + 2.0 * 0.3) * (3.0_f64 * 7.5).powi(2));
     // The middle of the southern edge seen, one patch stays whose middle is one step from seen ground, not two. σ there
     // falls by (1 − r(1.25 m))/(1 − r(2.5 m)) with r(d) = κ d K₁(κ d), κ = √8/5: 0.268086/0.555657.
     let middle = 0.268_086_f64 / 0.555_657;
