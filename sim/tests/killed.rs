@@ -38,18 +38,23 @@ impl Surveying {
             .spawn()
             .unwrap();
         let mut progress = BufReader::new(program.stderr.take().unwrap());
-        let (mut shown_s, mut shown) = (0.0, Vec::new());
+        let (mut shown_s, mut is_surveying) = (0.0, false);
+        let mut shown = Vec::new();
         for line in progress.by_ref().lines() {
             let line = line.unwrap();
             let seconds = line.split_once(" s ").and_then(|(t, _)| t.trim().parse::<f64>().ok());
             shown_s = seconds.unwrap_or(shown_s);
-            let is_surveying = line.contains("survey") && shown_s > 20.0;
+            is_surveying = line.contains("survey") && shown_s > 20.0;
             shown.push(line);
             if is_surveying {
-                return Self { program, progress, shown_s, directory };
+                break;
             }
         }
-        panic!("the flight ended without a survey:\n{}", shown.join("\n"));
+        if !is_surveying {
+            program.wait().unwrap();
+        }
+        assert!(is_surveying, "the flight ended without a survey:\n{}", shown.join("\n"));
+        Self { program, progress, shown_s, directory }
     }
 
     /// Waits for the end of the program; judges its log, which must hold all but `lost_s`.
