@@ -76,7 +76,7 @@ pub struct Settings {
     pub fix_var_share: f64,
     /// Seed of the search for paths.
     pub seed: u64,
-    /// Paths that the search looks at, over its usual number.
+    /// Changes of paths that the search tries, over their usual number; the paths that it begins with are always looked at.
     pub search_effort: f64,
     /// The program that plans, if one does.
     pub external: Option<external::ExternalSettings>,

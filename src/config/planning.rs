@@ -77,7 +77,8 @@ pub struct PlanningSection {
     pub shadows: Option<bool>,
     /// Seed of the search for paths.
     pub seed: u64,
-    /// Paths that `horizon` looks at, over its usual number: less where a plan takes longer than the second that it should.
+    /// Changes of paths that `horizon` tries, over their usual number: less where a plan in flight takes longer than the
+    /// second that it should. The paths that it begins with are always looked at.
     pub search_effort: f64,
     /// Largest speed, m/s.
     pub max_speed_mps: f64,

@@ -13,6 +13,8 @@
 //! - `w`: area that a node stands for, m²; `σ`: standard deviation of its height, m
 //! - `q = Σ* w`: the field's covariance of the heights with the volume, m²·m
 //!
+//! What the field has between two patches is counted beside the second sum: an upper guess, too careful while little is seen.
+//!
 //! On simulated alps, halls and piles, seen in part, the sums of the errors of such patches and their rims are 0.6 to 1.2 of
 //! Σ w σ (root mean square); by the field alone they are two to five of its σ. Patches of one hall mostly err with one sign.
 //! Checked: `a_patch_is_off_as_a_whole_and_patches_are_in_part`, `walls_part_patches_and_distances_grow_with_the_steps`; in whole by campaigns of the simulator.
@@ -41,8 +43,8 @@ pub(super) struct PatchError {
 
 /// ρ: correlation of the errors of two patches of a hall.
 ///
-/// Chosen so that volumes of surveys that end at σ/V = 1 %, with pockets left all over, are off by their σ: without it they
-/// are off by one and a half to two σ.
+/// Chosen so that volumes of surveys that end at σ/V = 1 %, with pockets left all over, are not off by more than their σ:
+/// without it they are off by one and a half to two σ.
 const CORRELATION: f64 = 0.3;
 
 /// What is known of the ground at a node.
@@ -172,7 +174,7 @@ impl UnseenGround {
         is_in_patch
     }
 
-    /// What each patch, being off as a whole and much as the others, adds to the variance of the volume with these
+    /// What each patch, being off as a whole and in part as the others, adds to the variance of the volume with these
     /// weights and this adjoint, m⁶.
     #[must_use]
     pub fn surplus_m6(&self, w_m2: &[f64], q_m2: &[f64]) -> Vec<f64> {

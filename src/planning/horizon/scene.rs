@@ -266,7 +266,8 @@ impl<'a> Scene<'a> {
     pub(super) fn sigma_m3(&mut self, legs: &[Arc<Sightings>]) -> Option<f64> {
         self.n_looked_at += 1;
         let var = self.field.volume_var(&self.all_seen(legs)).ok()?;
-        Some(self.sigma_of_m3(var.total_m6()))
+        // What is no number must not score as if the target were reached.
+        Some(self.sigma_of_m3(var.total_m6())).filter(|sigma_m3| sigma_m3.is_finite())
     }
 
     /// It is not less than this, m³.

@@ -31,7 +31,7 @@ pub(super) fn improve(scene: &mut Scene<'_>, starts: Vec<Path>, n_paths: usize) 
 fn climb(scene: &mut Scene<'_>, mut best: Path, n_paths: usize, noise: &mut Noise) -> Path {
     for k in 0..n_paths {
         // Wide steps first.
-        #[expect(clippy::cast_precision_loss, reason = "hundreds of paths")]
+        #[expect(clippy::cast_precision_loss, reason = "thousands of paths")]
         let scale = 1.0 - 0.85 * k as f64 / n_paths.max(1) as f64;
         let changed = change(scene, &best.waypoints, scale, noise);
         if changed.len() > MOST_WAYPOINTS || changed == best.waypoints {
