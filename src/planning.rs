@@ -144,10 +144,16 @@ impl Waypoint {
     /// The waypoints of the straight leg to another one, no further apart than a step, m.
     #[must_use]
     pub fn steps_to(&self, to: &Self, step_m: f64) -> Vec<Self> {
-        let n_parts = (self.distance_m(to) / step_m - 1e-9).ceil().max(1.0);
+        let n_parts = self.n_steps_to(to, step_m);
         std::iter::successors(Some(1.0), |k| (*k < n_parts).then_some(k + 1.0))
             .map(|k| self.towards(to, k / n_parts))
             .collect()
+    }
+
+    /// How many they are, one at least: a whole number.
+    #[must_use]
+    pub fn n_steps_to(&self, to: &Self, step_m: f64) -> f64 {
+        (self.distance_m(to) / step_m - 1e-9).ceil().max(1.0)
     }
 
     /// The pose of a level body there.

@@ -95,6 +95,7 @@ pub const EXPERIMENTS: &[Experiment] = &[
     Experiment::new(Planner::SquareWave, Method::AsPrinted, Some(SQUARE_WAVE)),
     Experiment::new(Planner::Greedy, Method::MaternField, None),
     Experiment::new(Planner::SquareWave, Method::MaternField, None),
+    Experiment::new(Planner::Horizon, Method::MaternField, None),
 ];
 
 impl Experiment {

@@ -125,13 +125,7 @@ impl Scene<'_> {
             waypoints.extend(self.steps(&from, to));
             from = *to;
         }
-        let is_cut = waypoints.len() > self.request.n_waypoints;
-        waypoints.truncate(self.request.n_waypoints);
-        let end = match (self.reaches_target(best), is_cut) {
-            (_, true) => PlanEnd::Budget,
-            (true, false) => PlanEnd::Target,
-            (false, false) => PlanEnd::Open,
-        };
+        let end = if self.reaches_target(best) { PlanEnd::Target } else { PlanEnd::Open };
         let prediction =
             Prediction { sigma_now_m3, sigma_end_m3: best.sigma_m3, length_m: best.length_m };
         Plan { waypoints, end, prediction: Some(prediction) }

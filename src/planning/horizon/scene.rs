@@ -159,6 +159,25 @@ impl<'a> Scene<'a> {
         from.steps_to(to, self.request.settings.step_radius_m)
     }
 
+    /// True if their steps are no more than may still be flown.
+    fn is_within_steps(&self, waypoints: &[Waypoint]) -> bool {
+        let step_m = self.request.settings.step_radius_m;
+        self.sum_of_legs(waypoints, |from, to| from.n_steps_to(to, step_m)) <= self.most_steps()
+    }
+
+    /// Steps that may still be flown.
+    #[expect(clippy::cast_precision_loss, reason = "thousands of steps")]
+    fn most_steps(&self) -> f64 {
+        self.request.n_waypoints as f64
+    }
+
+    /// As far on the straight way there as the steps last that may still be flown.
+    pub(super) fn within_steps(&self, to: &Waypoint) -> Waypoint {
+        let longest_m = self.most_steps() * self.request.settings.step_radius_m;
+        let share = longest_m / self.start.distance_m(to);
+        if share < 1.0 { self.start.towards(to, share) } else { *to }
+    }
+
     /// True if one may fly straight from one to the other, step by step as it will be flown.
     pub(super) fn is_open(&self, from: &Waypoint, to: &Waypoint) -> bool {
         let free_space = &self.request.free_space;
@@ -199,8 +218,12 @@ impl<'a> Scene<'a> {
         Arc::new(self.sight.on_way(self.field, free_space, self.heights.as_ref(), (from, to)))
     }
 
-    /// True if the battery lasts for these waypoints, the last of which is given, and the way home.
+    /// True if the battery lasts for these waypoints, the last of which is given, and the way home, and they come to no more
+    /// steps than are left.
     pub(super) fn is_within_reach(&self, waypoints: &[Waypoint], last: &Waypoint) -> bool {
+        if !self.is_within_steps(waypoints) {
+            return false;
+        }
         // Hovering empties the battery as flying does.
         let flown_m =
             self.sum_of_legs(waypoints, |from, to| from.distance_m(to) + self.waiting_m(from, to));

@@ -177,7 +177,7 @@ fn nearest_heading(yaw_rad: f64, present_rad: f64) -> f64 {
     wrapped_rad(if is_opposite { yaw_rad + PI } else { yaw_rad })
 }
 
-/// Straight to each place, with half of the headings there.
+/// Straight to each place, or as far as it may go, with half of the headings there.
 fn single_legs(scene: &Scene<'_>) -> Vec<Vec<Waypoint>> {
     let settings = &scene.request.settings;
     let b = settings.bounds;
@@ -193,7 +193,7 @@ fn single_legs(scene: &Scene<'_>) -> Vec<Vec<Waypoint>> {
             );
             for turn_rad in if is_even { TURNS_RAD[0] } else { TURNS_RAD[1] } {
                 let yaw_rad = wrapped_rad(scene.start.yaw_rad + turn_rad);
-                legs.push(vec![Waypoint { place, yaw_rad }]);
+                legs.push(vec![scene.within_steps(&Waypoint { place, yaw_rad })]);
             }
         }
     }

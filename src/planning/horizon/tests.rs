@@ -134,6 +134,22 @@ fn plans_one_after_another_reach_a_target_that_is_far() {
 }
 
 #[test]
+fn what_is_predicted_is_what_the_steps_that_are_left_reach() {
+    for n_waypoints in [1, 4, 9] {
+        let mut request = request(settings(), Vec::new());
+        request.n_waypoints = n_waypoints;
+        let plan = request.run();
+        assert!((1..=n_waypoints).contains(&plan.waypoints.len()), "{}", plan.waypoints.len());
+        let start = request.pending.last().unwrap();
+        let before = std::iter::once(start).chain(&plan.waypoints);
+        let flown_m: f64 =
+            std::iter::zip(before, &plan.waypoints).map(|(from, to)| from.distance_m(to)).sum();
+        let predicted_m = plan.prediction.unwrap().length_m;
+        assert!((flown_m - predicted_m).abs() < 1e-9, "{flown_m} m of {predicted_m} m");
+    }
+}
+
+#[test]
 fn the_search_is_never_worse_than_its_best_seed() {
     let request = request(settings(), Vec::new());
     let mut scene = Scene::new(&request).expect("a scene");
