@@ -15,7 +15,7 @@ pub const COMMIT_NOT_STAMPED: &str = "commit not stamped";
 #[must_use]
 pub fn build_identity() -> String {
     let commit = build_commit().unwrap_or(COMMIT_NOT_STAMPED);
-    let profile = if cfg!(debug_assertions) { "debug" } else { "release" };
+    let profile = env!("STOCKPILOT_PROFILE");
     let (arch, os) = (std::env::consts::ARCH, std::env::consts::OS);
     format!("{} ({commit}, {arch}-{os}, {profile})", env!("CARGO_PKG_VERSION"))
 }

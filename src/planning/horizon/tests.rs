@@ -57,6 +57,8 @@ fn settings() -> Settings {
         target_ratio: Some(0.02),
         n_steps: 40,
         yaw_rad: 0.0,
+        // Nothing here asks how good the paths are: a short search, for builds that are not optimised.
+        search_effort: 0.2,
         ..hall_settings()
     }
 }
@@ -162,6 +164,18 @@ fn the_search_is_never_worse_than_its_best_seed() {
     let wave = seeds::best_square_wave(&mut scene).expect("a wave");
     let found = search::improve(&mut scene, seeds, 200).expect("a path");
     assert!(found.score < wave.score, "{} against the wave's {}", found.score, wave.score);
+}
+
+#[test]
+fn more_effort_looks_at_more_paths_and_finds_none_that_is_worse() {
+    let found = |search_effort| {
+        let request = request(Settings { search_effort, ..settings() }, Vec::new());
+        let mut scene = Scene::new(&request).expect("a scene");
+        let best = scene.best(1.0).expect("a path");
+        (scene.n_looked_at, best.score)
+    };
+    let (little, much) = (found(0.05), found(0.4));
+    assert!(much.0 > little.0 + 100 && much.1 <= little.1, "{little:?}, {much:?}");
 }
 
 #[test]

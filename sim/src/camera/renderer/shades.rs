@@ -50,7 +50,7 @@ impl Local {
 impl Shades {
     #[expect(clippy::cast_precision_loss, reason = "some ten cells")]
     pub(super) fn of(pattern: &TagPattern, white: f32, black: f32) -> Self {
-        debug_assert!((MARGIN_CELLS - 1.0).abs() < f64::EPSILON, "a ring of one cell");
+        const { assert!((MARGIN_CELLS - 1.0).abs() < f64::EPSILON, "a ring of one cell") };
         let n_cells = i32::from(pattern.n_cells());
         let mut light = Vec::new();
         let all = -RING..n_cells + RING;
