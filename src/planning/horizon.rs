@@ -62,6 +62,15 @@ impl Planner for Horizon {
                 PlanEnd::NothingFree
             });
         };
+        if scene.is_small_gain(&best, sigma_now_m3) {
+            // The steps that are left may be too few for what pays as a whole: they are its beginning.
+            scene.stretch_steps();
+            let whole = scene.best(0.5).filter(|whole| !scene.is_small_gain(whole, sigma_now_m3));
+            return whole.map_or_else(
+                || scene.finished(PlanEnd::SmallGain, sigma_now_m3),
+                |whole| scene.plan(&whole, sigma_now_m3),
+            );
+        }
         scene.plan(&best, sigma_now_m3)
     }
 }
@@ -73,6 +82,7 @@ pub fn best_square_wave(request: &PlanRequest) -> Option<(Vec<Waypoint>, Predict
     let mut scene = Scene::new(request)?;
     // It is flown as it is: no later plan makes up for what it leaves.
     scene.pay_most();
+    scene.stretch_steps();
     let sigma_now_m3 = scene.sigma_now_m3();
     let best = seeds::best_square_wave(&mut scene)?;
     let prediction =
@@ -114,18 +124,23 @@ impl Scene<'_> {
         Plan { waypoints: Vec::new(), end, prediction: Some(prediction) }
     }
 
-    /// The path as waypoints that lie no further apart than a step.
+    /// The path as waypoints that lie no further apart than a step, as many as may be flown.
     fn plan(&self, best: &Path, sigma_now_m3: f64) -> Plan {
-        if self.is_small_gain(best, sigma_now_m3) {
-            return self.finished(PlanEnd::SmallGain, sigma_now_m3);
-        }
         let mut waypoints: Vec<Waypoint> = Vec::new();
         let mut from = self.start;
         for to in &best.waypoints {
             waypoints.extend(self.steps(&from, to));
             from = *to;
         }
-        let end = if self.reaches_target(best) { PlanEnd::Target } else { PlanEnd::Open };
+        let is_cut = waypoints.len() > self.request.n_waypoints;
+        waypoints.truncate(self.request.n_waypoints);
+        let end = if self.reaches_target(best) && !is_cut {
+            PlanEnd::Target
+        } else if waypoints.len() == self.request.n_waypoints {
+            PlanEnd::Budget
+        } else {
+            PlanEnd::Open
+        };
         let prediction =
             Prediction { sigma_now_m3, sigma_end_m3: best.sigma_m3, length_m: best.length_m };
         Plan { waypoints, end, prediction: Some(prediction) }

@@ -52,12 +52,15 @@ pub(super) struct Scene<'a> {
     pub(super) start: Waypoint,
     /// Λ, m.
     e_fold_m: f64,
+    /// Steps that may still be flown.
+    most_steps: f64,
     /// Paths looked at.
     pub(super) n_looked_at: usize,
 }
 
 impl<'a> Scene<'a> {
     /// None if the request has no place to start from, no field, or a field that cannot be solved.
+    #[expect(clippy::cast_precision_loss, reason = "thousands of steps")]
     pub(super) fn new(request: &'a PlanRequest) -> Option<Self> {
         let Belief::Field { field, surface } = &request.belief else { return None };
         let start = *request.pending.last()?;
@@ -104,6 +107,7 @@ impl<'a> Scene<'a> {
             } else {
                 METRES_PER_E_FOLD
             },
+            most_steps: request.n_waypoints as f64,
             n_looked_at: 0,
         })
     }
@@ -111,6 +115,11 @@ impl<'a> Scene<'a> {
     /// From now on an e-fold is worth as much as it is at most: paths have other scores. False if it is already.
     pub(super) fn pay_most(&mut self) -> bool {
         std::mem::replace(&mut self.e_fold_m, METRES_PER_E_FOLD) < METRES_PER_E_FOLD
+    }
+
+    /// From now on steps may be as long as it takes to fly a path in as many as there are.
+    pub(super) fn stretch_steps(&mut self) {
+        self.most_steps = f64::INFINITY;
     }
 
     /// True if flying this path is better than ending at the last pending waypoint.
@@ -162,18 +171,12 @@ impl<'a> Scene<'a> {
     /// True if their steps are no more than may still be flown.
     fn is_within_steps(&self, waypoints: &[Waypoint]) -> bool {
         let step_m = self.request.settings.step_radius_m;
-        self.sum_of_legs(waypoints, |from, to| from.n_steps_to(to, step_m)) <= self.most_steps()
-    }
-
-    /// Steps that may still be flown.
-    #[expect(clippy::cast_precision_loss, reason = "thousands of steps")]
-    fn most_steps(&self) -> f64 {
-        self.request.n_waypoints as f64
+        self.sum_of_legs(waypoints, |from, to| from.n_steps_to(to, step_m)) <= self.most_steps
     }
 
     /// As far on the straight way there as the steps last that may still be flown.
     pub(super) fn within_steps(&self, to: &Waypoint) -> Waypoint {
-        let longest_m = self.most_steps() * self.request.settings.step_radius_m;
+        let longest_m = self.most_steps * self.request.settings.step_radius_m;
         let share = longest_m / self.start.distance_m(to);
         if share < 1.0 { self.start.towards(to, share) } else { *to }
     }

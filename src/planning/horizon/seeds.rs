@@ -43,6 +43,8 @@ pub(super) fn best_square_wave(scene: &mut Scene<'_>) -> Option<Path> {
 /// square waves as well.
 pub(super) fn around_present(scene: &mut Scene<'_>, current: &[Waypoint]) -> Vec<Path> {
     let mut best = Vec::new();
+    // Ways around something may have come in since it was made.
+    let current = &current[..current.len().min(scene.request.n_waypoints)];
     let corners = corners_of(&scene.start, current);
     for k in 1..=corners.len() {
         if let Some(path) = scene.path(corners[..k].to_vec(), None) {
@@ -82,20 +84,24 @@ fn worst_score(best: &[Path]) -> f64 {
     best.get(N_BEST - 1).map_or(f64::INFINITY, |path| path.score)
 }
 
-/// The path up to the waypoint from which on more does not pay; `None` if it cannot be among the best.
-fn shortest_part(
-    scene: &mut Scene<'_>,
-    mut waypoints: Vec<Waypoint>,
-    best: &[Path],
-) -> Option<Path> {
+/// As many of the waypoints as may be flown; `None` without one.
+fn within_reach(scene: &Scene<'_>, mut waypoints: Vec<Waypoint>) -> Option<Vec<Waypoint>> {
     while !scene.is_within_reach(&waypoints, waypoints.last()?) {
         waypoints.pop();
     }
+    Some(waypoints)
+}
+
+/// The path up to the waypoint from which on more does not pay; `None` if it cannot be among the best.
+fn shortest_part(scene: &mut Scene<'_>, waypoints: Vec<Waypoint>, best: &[Path]) -> Option<Path> {
+    let waypoints = within_reach(scene, waypoints)?;
     let worst = worst_score(best);
     if scene.cost_m(&waypoints[..waypoints.len().min(2)]) >= worst {
         return None;
     }
     let waypoints = scene.joined(&waypoints);
+    // Ways around are longer.
+    let waypoints = within_reach(scene, waypoints)?;
     let whole = scene.path(waypoints, None)?;
     if !scene.is_enough(whole.sigma_m3) {
         return Some(whole);
@@ -193,7 +199,8 @@ fn single_legs(scene: &Scene<'_>) -> Vec<Vec<Waypoint>> {
             );
             for turn_rad in if is_even { TURNS_RAD[0] } else { TURNS_RAD[1] } {
                 let yaw_rad = wrapped_rad(scene.start.yaw_rad + turn_rad);
-                legs.push(vec![scene.within_steps(&Waypoint { place, yaw_rad })]);
+                let as_far_as_may_be = scene.within_steps(&Waypoint { place, yaw_rad });
+                legs.push(vec![Waypoint { yaw_rad, ..as_far_as_may_be }]);
             }
         }
     }
