@@ -152,25 +152,6 @@ fn what_is_predicted_is_what_the_steps_that_are_left_reach() {
 }
 
 #[test]
-fn a_few_steps_are_flown_as_the_beginning_of_what_pays_as_a_whole() {
-    let mut request = request(Settings { target_ratio: None, ..settings() }, Vec::new());
-    // The left half is seen, and one step from its corner shows nothing new.
-    request.lidar.max_range_m = 5.1;
-    let seen_from = [(0.5, 2.0), (7.0, 2.0), (7.0, 6.0), (0.5, 6.0), (0.5, 10.0), (7.0, 10.0)];
-    request.pending = std::iter::chain(seen_from, [(0.5, 10.0)])
-        .map(|(x, y)| Waypoint { place: Point::new(x, y, 5.0), yaw_rad: 0.0 })
-        .collect();
-    let whole = request.run();
-    assert!(whole.waypoints.len() > 5 && whole.end == PlanEnd::Open, "{whole:?}");
-    request.n_waypoints = 1;
-    let mut scene = Scene::new(&request).expect("a scene");
-    let step = scene.best(1.0).expect("a path");
-    assert!(scene.is_small_gain(&step, scene.sigma_now_m3()), "{} m³", step.sigma_m3);
-    let plan = request.run();
-    assert_eq!((plan.end, plan.waypoints.len()), (PlanEnd::Budget, 1), "{plan:?}");
-}
-
-#[test]
 fn the_best_wave_is_the_same_however_few_steps_share_it() {
     let mut request = request(settings(), Vec::new());
     let many = best_square_wave(&request).expect("a wave");
