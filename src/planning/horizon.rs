@@ -64,7 +64,7 @@ impl Planner for Horizon {
         };
         if scene.is_small_gain(&best, sigma_now_m3) {
             // The steps that are left may be too few for what pays as a whole: they are its beginning.
-            scene.stretch_steps();
+            scene.ignore_step_limit();
             let whole = scene.best(0.5).filter(|whole| !scene.is_small_gain(whole, sigma_now_m3));
             return whole.map_or_else(
                 || scene.finished(PlanEnd::SmallGain, sigma_now_m3),
@@ -82,7 +82,7 @@ pub fn best_square_wave(request: &PlanRequest) -> Option<(Vec<Waypoint>, Predict
     let mut scene = Scene::new(request)?;
     // It is flown as it is: no later plan makes up for what it leaves.
     scene.pay_most();
-    scene.stretch_steps();
+    scene.ignore_step_limit();
     let sigma_now_m3 = scene.sigma_now_m3();
     let best = seeds::best_square_wave(&mut scene)?;
     let prediction =

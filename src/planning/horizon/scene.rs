@@ -52,7 +52,7 @@ pub(super) struct Scene<'a> {
     pub(super) start: Waypoint,
     /// Λ, m.
     e_fold_m: f64,
-    /// Steps that may still be flown.
+    /// Steps that a path may have.
     most_steps: f64,
     /// Paths looked at.
     pub(super) n_looked_at: usize,
@@ -117,8 +117,8 @@ impl<'a> Scene<'a> {
         std::mem::replace(&mut self.e_fold_m, METRES_PER_E_FOLD) < METRES_PER_E_FOLD
     }
 
-    /// From now on steps may be as long as it takes to fly a path in as many as there are.
-    pub(super) fn stretch_steps(&mut self) {
+    /// From now on paths may have any number of steps: who asks stretches them, or flies the beginning.
+    pub(super) fn ignore_step_limit(&mut self) {
         self.most_steps = f64::INFINITY;
     }
 
