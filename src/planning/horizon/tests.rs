@@ -31,10 +31,15 @@ fn lidar() -> LidarMount {
 
 /// A map of 16 m × 12 m without a beam.
 fn mapper(method: Method) -> Mapper {
+    mapper_of(method, Rect { x_min_m: 0.0, y_min_m: 0.0, x_max_m: 16.0, y_max_m: 12.0 })
+}
+
+/// A map without a beam.
+fn mapper_of(method: Method, bounds: Rect) -> Mapper {
     Mapper::new(mapping::Settings {
         method,
         region: Region {
-            bounds: Rect { x_min_m: 0.0, y_min_m: 0.0, x_max_m: 16.0, y_max_m: 12.0 },
+            bounds,
             exclusions: Vec::new(),
             exclusion_margin_m: 0.0,
             bays: Vec::new(),
@@ -253,6 +258,29 @@ fn without_a_target_more_flying_ends_where_it_hardly_pays() {
     let prediction = plan.prediction.expect("a prediction");
     assert!(plan.waypoints.len() <= 40 && prediction.sigma_end_m3 < 4.0, "{prediction:?}");
     // An account that no flight can better.
+    request.constant_var_m6 = 1e8;
+    assert_eq!(request.run().end, PlanEnd::SmallGain);
+}
+
+#[test]
+fn where_the_steps_that_are_left_bring_nothing_the_beginning_of_a_longer_path_is_flown() {
+    // All that counts is at the far end of the hall, and the LiDAR does not reach there from the two steps that are left.
+    let bounds = Rect { x_min_m: 12.0, y_min_m: 0.0, x_max_m: 16.0, y_max_m: 12.0 };
+    let far = mapper_of(Method::MaternField, bounds);
+    let mut request = request(Settings { target_ratio: None, ..settings() }, Vec::new());
+    request.lidar.max_range_m = 6.0;
+    request.belief = Belief::Field {
+        field: Arc::new(far.coarse_field().expect("a prior")),
+        surface: Box::new(far.snapshot(Stamp::ZERO, false)),
+    };
+    request.n_waypoints = 2;
+    let plan = request.run();
+    assert_free(&request, &plan);
+    assert_eq!((plan.waypoints.len(), plan.end), (2, PlanEnd::Budget));
+    let prediction = plan.prediction.expect("a prediction");
+    assert!(prediction.sigma_end_m3 < 0.5 * prediction.sigma_now_m3, "{prediction:?}");
+    assert!(plan.waypoints[1].place.coords.x > request.pending[0].place.coords.x + 2.0, "{plan:?}");
+    // And where no path of any length brings something, the survey is over.
     request.constant_var_m6 = 1e8;
     assert_eq!(request.run().end, PlanEnd::SmallGain);
 }
