@@ -7,7 +7,8 @@
 //! ```text
 //! Var(V) = Σ w_i Cov(h_i, V),   share of a gap = Σ over its cells / Σ over all cells
 //! ```
-//! - `w_i`: area that the cell stands for, m²; `Cov(h_i, V)`: m⁴. Both are known of every solve.
+//! - `w_i`: area that the cell stands for, m²; `Cov(h_i, V)`: m⁴. Both are known of every solve. What patches of unseen ground
+//!   add ([`super::unseen_patch`]) is shared out over their cells and part of it
 //!
 //! The sum over all cells is exact; a part of it says how much of the variance goes through these cells,
 //! not what would be left once they are measured: their neighbours are correlated with them.

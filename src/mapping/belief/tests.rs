@@ -184,6 +184,51 @@ fn looks_part_a_patch_and_bring_known_ground_nearer() {
 }
 
 #[test]
+fn two_patches_of_the_map_at_one_node_stay_two() {
+    let field = field();
+    let (mut known, nodes) = square_patch(&field);
+    let (w_m2, var_beside) = (field.functional.weights(), field.var_beside.as_ref());
+    // The map's nodes are finer: both lie nearest to the same node of the lattice.
+    let patches = [vec![nodes[4]], vec![OpenNode { error_m3: 3.0, ..nodes[4] }]];
+    known.patches = Some(OpenPatches::new(field.lattice(), w_m2, &patches, var_beside.unwrap()));
+    let parts = [&known];
+    let without_field = vec![0.0; field.lattice().n_nodes()];
+    let patches_m6 = field.patches_m6(&parts, &field.unseen(&parts), &without_field);
+    let expected_m6 = 7.5_f64.powi(2) + 3.0_f64.powi(2) + 2.0 * 0.3 * 7.5 * 3.0;
+    assert!((patches_m6 - expected_m6).abs() < 1e-9, "{patches_m6}, not {expected_m6}");
+}
+
+#[test]
+fn without_a_map_patches_are_made_of_what_is_left() {
+    let field = field();
+    let (_, nodes) = square_patch(&field);
+    let lattice = field.lattice();
+    let whole_m2 = field.functional.weights();
+    let square: Vec<usize> =
+        nodes.iter().map(|node| lattice.nearest_node(node.place_m.0, node.place_m.1)).collect();
+    // All is seen but a square of three by three nodes.
+    let mut seen = field.nothing_seen();
+    seen.seen_m2.copy_from_slice(whole_m2);
+    square.iter().for_each(|node| seen.seen_m2[*node] = 0.0);
+    let patches_m6 = |parts: &[&Sightings]| {
+        field.patches_m6(parts, &field.unseen(parts), &vec![0.0; lattice.n_nodes()])
+    };
+    let is = |got: f64, expected: f64| {
+        assert!((got / expected - 1.0).abs() < 1e-5, "{got}, not {expected}")
+    };
+    // σ = 1 − r, one step and two steps from seen ground, r as above.
+    let (beside, middle) = (0.268_086_f64, 0.555_657);
+    let beside_m3 = |of: &[usize]| of.iter().map(|k| beside * whole_m2[square[*k]]).sum::<f64>();
+    let ring_m3 = beside_m3(&[0, 1, 2, 3, 5, 6, 7, 8]);
+    is(patches_m6(&[&seen]), (ring_m3 + middle * whole_m2[square[4]]).powi(2));
+    let column: Vec<OpenNode> = [1, 4, 7].map(|k| nodes[k]).to_vec();
+    let parted = look_at(&field, &column, Chance { open: 1.0, high: 1.0 });
+    let (west_m3, east_m3) = (beside_m3(&[0, 3, 6]), beside_m3(&[2, 5, 8]));
+    let both_m6 = west_m3.powi(2) + east_m3.powi(2) + 2.0 * 0.3 * west_m3 * east_m3;
+    is(patches_m6(&[&seen, &parted]), both_m6);
+}
+
+#[test]
 fn no_looks_leave_less_than_the_least_variance() {
     let field = field();
     let (known, nodes) = square_patch(&field);
