@@ -26,6 +26,7 @@ use stockpilot::mission::Phase;
 use stockpilot::pilot::{
     Action, Event, FlightSummary, Job, JobId, JobOutput, Outlook, Pilot, TICK_RATE_HZ,
 };
+use stockpilot::planning::PlannerKind;
 use stockpilot::service::external_planner;
 use stockpilot::time::{Mono, Stamp};
 
@@ -37,6 +38,8 @@ const TICKS_MADE_UP_FOR: Duration = Duration::from_millis(100);
 const MOST_WAITING: usize = 96;
 /// Jobs take this long in virtual time, as they do beside a real brain.
 const JOB_TIME: Duration = Duration::from_millis(100);
+/// A search among whole paths takes longer: most of the second that it may take.
+const SEARCH_TIME: Duration = Duration::from_millis(800);
 
 /// A flight did not come to its end.
 #[derive(Debug, thiserror::Error)]
@@ -121,6 +124,7 @@ pub struct DirectFlight {
     turns: TurnAssembler,
     poses: PoseJudge,
     n_ticks: u64,
+    /// By rising time at which they are done.
     jobs: VecDeque<(Stamp<Mono>, JobId, JobOutput)>,
     n_samples_sent: u64,
     plan_times: Vec<Duration>,
@@ -495,11 +499,14 @@ impl DirectFlight {
             Action::Start { id, job } => {
                 let began = wall_clock();
                 let is_plan = !matches!(*job, Job::SolveSurface(_));
+                let takes = time_of(&job);
                 let output = external_planner::run_and_wait(*job);
                 if is_plan {
                     self.plan_times.push(began.elapsed());
                 }
-                self.jobs.push_back((now.plus(JOB_TIME), id, output));
+                let due = now.plus(takes);
+                let place = self.jobs.partition_point(|(other, ..)| *other <= due);
+                self.jobs.insert(place, (due, id, output));
             }
             Action::Ended(summary) => self.summary = Some(*summary),
             _ => {}
@@ -528,6 +535,14 @@ impl DirectFlight {
         for (header, message) in self.link.pass(Way::ToCompanion, now, answers) {
             self.session.on_message(&header, &message, now, &mut self.answers);
         }
+    }
+}
+
+/// How long a job takes in virtual time.
+fn time_of(job: &Job) -> Duration {
+    match job {
+        Job::Plan(request) if request.settings.planner == PlannerKind::Horizon => SEARCH_TIME,
+        _ => JOB_TIME,
     }
 }
 
