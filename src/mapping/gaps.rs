@@ -5,12 +5,13 @@
 //! moved since. Single cells between hits are none: the surface bridges them.
 //!
 //! ```text
-//! Var(V) = Σ w_i Cov(h_i, V),   share of a gap = Σ over its cells / Σ over all cells
+//! Var(V) = Σ w_i Cov(h_i, V) + s_i,   share of a gap = Σ over its cells / Σ over all cells
 //! ```
-//! - `w_i`: area that the cell stands for, m²; `Cov(h_i, V)`: m⁴. Both are known of every solve. What patches of unseen ground
-//!   add ([`super::unseen_patch`]) is shared out over their cells and part of it
+//! - `w_i`: area that the cell stands for, m²; `Cov(h_i, V)`: m⁴
+//! - `s_i`: the cell's part of what patches of unseen ground add ([`super::unseen_patch`]), m⁶
 //!
-//! The sum over all cells is exact; a part of it says how much of the variance goes through these cells,
+//! That is how the field has it; the cells of the paper's grid are independent, and each has `w_i² Var(h_i)`. The sum over all
+//! cells is exact; a part of it says how much of the variance goes through these cells,
 //! not what would be left once they are measured: their neighbours are correlated with them.
 
 use crate::messages::{CellCoverage, GridGeometry};

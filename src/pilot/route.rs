@@ -90,3 +90,6 @@ impl Route {
         self.plan.settings()
     }
 }
+
+#[cfg(test)]
+mod tests;

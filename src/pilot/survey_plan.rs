@@ -187,6 +187,8 @@ impl SurveyPlan {
         {
             self.ahead.clear();
             self.end = Some(PlanEnd::Target);
+            // A plan that is being made must not begin the survey again.
+            self.asked_behind = None;
             return true;
         }
         false

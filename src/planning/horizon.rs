@@ -66,10 +66,10 @@ impl Planner for Horizon {
             // The steps that are left may be too few for what pays as a whole: they are its beginning.
             scene.ignore_step_limit();
             let whole = scene.best(0.5).filter(|whole| !scene.is_small_gain(whole, sigma_now_m3));
-            return whole.map_or_else(
-                || scene.finished(PlanEnd::SmallGain, sigma_now_m3),
-                |whole| scene.plan(&whole, sigma_now_m3),
-            );
+            return match whole {
+                Some(whole) => scene.plan(&whole, sigma_now_m3),
+                None => scene.finished(PlanEnd::SmallGain, sigma_now_m3),
+            };
         }
         scene.plan(&best, sigma_now_m3)
     }
@@ -125,7 +125,7 @@ impl Scene<'_> {
     }
 
     /// The path as waypoints that lie no further apart than a step, as many as may be flown.
-    fn plan(&self, best: &Path, sigma_now_m3: f64) -> Plan {
+    fn plan(&mut self, best: &Path, sigma_now_m3: f64) -> Plan {
         let mut waypoints: Vec<Waypoint> = Vec::new();
         let mut from = self.start;
         for to in &best.waypoints {
@@ -141,8 +141,11 @@ impl Scene<'_> {
         } else {
             PlanEnd::Open
         };
+        // What is left out is not to be counted on.
+        let flown = if is_cut { self.path(waypoints.clone(), None) } else { None };
+        let flown = flown.as_ref().unwrap_or(best);
         let prediction =
-            Prediction { sigma_now_m3, sigma_end_m3: best.sigma_m3, length_m: best.length_m };
+            Prediction { sigma_now_m3, sigma_end_m3: flown.sigma_m3, length_m: flown.length_m };
         Plan { waypoints, end, prediction: Some(prediction) }
     }
 }

@@ -9,6 +9,7 @@ mod fault_cases;
 mod faults;
 mod gaps;
 mod hollows;
+mod jobs;
 mod merge;
 mod mode_switch;
 mod paper;

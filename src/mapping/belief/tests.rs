@@ -189,7 +189,9 @@ fn two_patches_of_the_map_at_one_node_stay_two() {
     let (mut known, nodes) = square_patch(&field);
     let (w_m2, var_beside) = (field.functional.weights(), field.var_beside.as_ref());
     // The map's nodes are finer: both lie nearest to the same node of the lattice.
-    let patches = [vec![nodes[4]], vec![OpenNode { error_m3: 3.0, ..nodes[4] }]];
+    let (x_m, y_m) = nodes[4].place_m;
+    let beside = OpenNode { place_m: (x_m + 0.3, y_m - 0.2), error_m3: 3.0, ..nodes[4] };
+    let patches = [vec![nodes[4]], vec![beside]];
     known.patches = Some(OpenPatches::new(field.lattice(), w_m2, &patches, var_beside.unwrap()));
     let parts = [&known];
     let without_field = vec![0.0; field.lattice().n_nodes()];

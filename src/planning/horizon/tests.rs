@@ -277,8 +277,11 @@ fn where_the_steps_that_are_left_bring_nothing_the_beginning_of_a_longer_path_is
     let plan = request.run();
     assert_free(&request, &plan);
     assert_eq!((plan.waypoints.len(), plan.end), (2, PlanEnd::Budget));
+    // Nothing is promised of what is left out.
     let prediction = plan.prediction.expect("a prediction");
-    assert!(prediction.sigma_end_m3 < 0.5 * prediction.sigma_now_m3, "{prediction:?}");
+    // Had these two steps been worth it, it would be below 0.973.
+    assert!(prediction.sigma_end_m3 > 0.98 * prediction.sigma_now_m3, "{prediction:?}");
+    assert!((3.0..4.0 + 1e-9).contains(&prediction.length_m), "{prediction:?}");
     assert!(plan.waypoints[1].place.coords.x > request.pending[0].place.coords.x + 2.0, "{plan:?}");
     // And where no path of any length brings something, the survey is over.
     request.constant_var_m6 = 1e8;
