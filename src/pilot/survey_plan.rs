@@ -17,7 +17,7 @@ use nalgebra::Vector3;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-/// A plan is made anew after this many waypoints.
+/// A plan is made anew this many waypoints after the last was asked for.
 const REPLAN_AFTER_STEPS: usize = 2;
 /// This many waypoints stand while a plan is made: the vehicle flies on meanwhile.
 const N_PENDING: usize = 2;
@@ -37,10 +37,10 @@ pub(super) struct SurveyPlan {
     /// Decided, not reached; the first is being flown to during the survey.
     ahead: VecDeque<Waypoint>,
     steps_done: usize,
-    /// Waypoints reached when the present plan came.
+    /// Waypoints reached when the present plan was asked for.
     planned_at_step: Option<usize>,
-    /// Behind which waypoint the plan that is being made goes on.
-    asked_behind: Option<Waypoint>,
+    /// The plan that is being made.
+    asked: Option<Asked>,
     /// Why no further plan is asked for.
     end: Option<PlanEnd>,
     /// Something has changed since the plan was asked for.
@@ -51,6 +51,15 @@ pub(super) struct SurveyPlan {
     awaits_account: bool,
     /// The survey is kept, and this flight leads into its gaps only.
     gaps: Option<GapPasses>,
+}
+
+/// A plan that was asked for.
+#[derive(Debug, Clone, Copy)]
+struct Asked {
+    /// Behind which waypoint it goes on.
+    behind: Waypoint,
+    /// Waypoints reached by then.
+    at_step: usize,
 }
 
 /// Ways over the gaps of a survey, in no order yet.
@@ -79,7 +88,7 @@ impl SurveyPlan {
             ahead: VecDeque::new(),
             steps_done: 0,
             planned_at_step: None,
-            asked_behind: None,
+            asked: None,
             end: None,
             is_stale: false,
             n_failures: 0,
@@ -94,7 +103,7 @@ impl SurveyPlan {
         self.ahead.clear();
         self.steps_done = 0;
         self.planned_at_step = None;
-        self.asked_behind = None;
+        self.asked = None;
         self.end = None;
         self.is_stale = false;
         self.n_failures = 0;
@@ -110,7 +119,7 @@ impl SurveyPlan {
         let mut waypoints = gap_way::ordered(self.gaps.clone()?, from);
         waypoints.truncate(self.settings.n_steps);
         let end = if waypoints.is_empty() { PlanEnd::NothingFree } else { PlanEnd::Complete };
-        self.asked_behind = Some(*from);
+        self.asked = Some(Asked { behind: *from, at_step: self.steps_done });
         Some(Plan { waypoints, end, prediction: None })
     }
 
@@ -188,7 +197,7 @@ impl SurveyPlan {
             self.ahead.clear();
             self.end = Some(PlanEnd::Target);
             // A plan that is being made must not begin the survey again.
-            self.asked_behind = None;
+            self.asked = None;
             return true;
         }
         false
@@ -209,7 +218,8 @@ impl SurveyPlan {
         let pending: Vec<Waypoint> =
             std::iter::once(from).chain(self.ahead.iter().take(n_pending).copied()).collect();
         let pending_m: f64 = pending.windows(2).map(|pair| pair[0].distance_m(&pair[1])).sum();
-        self.asked_behind = pending.last().copied();
+        self.asked =
+            pending.last().map(|behind| Asked { behind: *behind, at_step: self.steps_done });
         self.is_stale = false;
         Some(PlanRequest {
             settings: self.settings.clone(),
@@ -268,8 +278,8 @@ impl SurveyPlan {
 
     /// Takes in a plan. False if the vehicle has left the place from which it goes on.
     pub(super) fn on_plan(&mut self, plan: &Plan) -> bool {
-        let Some(behind) = self.asked_behind.take() else { return false };
-        let place = self.ahead.iter().position(|waypoint| *waypoint == behind);
+        let Some(asked) = self.asked.take() else { return false };
+        let place = self.ahead.iter().position(|waypoint| *waypoint == asked.behind);
         match place {
             Some(place) => self.ahead.truncate(place + 1),
             // It was asked for while nothing was ahead.
@@ -277,7 +287,7 @@ impl SurveyPlan {
             None => return false,
         }
         self.ahead.extend(plan.waypoints.iter().copied());
-        self.planned_at_step = Some(self.steps_done);
+        self.planned_at_step = Some(asked.at_step);
         self.n_failures = 0;
         // A search goes on to better what it found; the others stand by their word.
         self.end = match (self.settings.planner, plan.end) {
@@ -315,14 +325,14 @@ impl SurveyPlan {
         {
             self.ahead.clear();
             // A plan that is being made goes on from elsewhere.
-            self.asked_behind = None;
+            self.asked = None;
         }
     }
 
     /// A program outside gave no plan: what is ahead stands, and it is asked again. False once that has
     /// happened too often.
     pub(super) fn on_failure(&mut self) -> bool {
-        self.asked_behind = None;
+        self.asked = None;
         self.n_failures += 1;
         if self.n_failures >= MOST_FAILURES {
             self.end = Some(PlanEnd::NothingFree);
@@ -332,7 +342,7 @@ impl SurveyPlan {
 
     /// The planner gave nothing.
     pub(super) fn on_no_plan(&mut self) {
-        self.asked_behind = None;
+        self.asked = None;
         self.end = Some(PlanEnd::NothingFree);
     }
 
