@@ -9,7 +9,7 @@ use crate::mapping::{self, Mapper, Method, field_map, grid_map};
 use crate::messages::{VolumeAccount, VolumeBudget, VolumeEstimate, VolumeShares};
 use crate::planning::PlannerKind;
 use crate::planning::free_space::FreeSpace;
-use crate::planning::planner::{PlanEnd, PlanRequest};
+use crate::planning::planner::PlanEnd;
 use crate::planning::space::SpaceSettings;
 use nalgebra::Vector3;
 use std::time::Duration;
@@ -71,10 +71,11 @@ fn at(place: &Vector3<f64>) -> Waypoint {
     Waypoint { place: Point::from_coords(*place), yaw_rad: 0.0 }
 }
 
-/// What a plan from the corner rests on.
-fn facts(whole: Option<&VolumeAccount>) -> PlanFacts<'_> {
+/// Asks for a plan from the corner, if one is due.
+fn asks(route: &mut Route) -> bool {
     let from = at(&Vector3::new(1.0, 1.0, 5.0));
-    PlanFacts { from, whole, reach_m: None, over_home: None, now: Stamp::ZERO }
+    let facts = PlanFacts { from, whole: None, reach_m: None, over_home: None, now: Stamp::ZERO };
+    route.plan.plan_due(&facts, &mapper(), &lidar()).is_some()
 }
 
 /// Flies on for a minute and a half; where it was every 50 ms.
@@ -133,7 +134,7 @@ fn legs_of_a_survey_go_around_what_stands_on_them() {
     let place = |x: f64, y: f64| Waypoint { place: Point::new(x, y, 5.0), yaw_rad: 0.0 };
     let wanted = [place(2.0, 2.0), place(10.0, 2.0), place(6.0, 2.1), place(10.0, 6.0)];
     route.path_mut().stand(&at(&Vector3::new(1.0, 1.0, 5.0)), Stamp::ZERO);
-    assert!(route.plan.plan_due(&facts(None), &mapper(), &lidar()).is_some());
+    assert!(asks(&mut route));
     let plan = Plan { waypoints: wanted.to_vec(), end: PlanEnd::Complete, prediction: None };
     assert!(route.on_plan(&plan, Stamp::ZERO));
     let places = flown(&mut route, true);
@@ -154,13 +155,10 @@ fn a_plan_that_comes_after_the_target_is_reached_is_not_flown() {
     route.path_mut().stand(&at(&Vector3::new(1.0, 1.0, 5.0)), Stamp::ZERO);
     let place = |x: f64| at(&Vector3::new(x, 1.0, 5.0));
     let open = Plan { waypoints: vec![place(3.0)], end: PlanEnd::Open, prediction: None };
-    let ask = |route: &mut Route| -> Option<PlanRequest> {
-        route.plan.plan_due(&facts(None), &mapper(), &lidar())
-    };
-    assert!(ask(&mut route).is_some() && route.on_plan(&open, Stamp::ZERO));
+    assert!(asks(&mut route) && route.on_plan(&open, Stamp::ZERO));
     assert!(flown(&mut route, true).last().is_some_and(|last| (last.x - 3.0).abs() < 1e-6));
     // The next search is under way when the account comes.
-    assert!(ask(&mut route).is_some());
+    assert!(asks(&mut route));
     let sure = VolumeAccount {
         name: "hall".to_owned(),
         estimate: VolumeEstimate {
@@ -179,5 +177,25 @@ fn a_plan_that_comes_after_the_target_is_reached_is_not_flown() {
         assert!(!route.on_plan(&Plan { waypoints, end, prediction: None }, Stamp::ZERO));
         assert!(route.plan.is_complete() && !route.plan.awaits_account());
     }
-    assert!(ask(&mut route).is_none());
+    assert!(!asks(&mut route));
+}
+
+#[test]
+fn a_search_that_takes_long_is_not_asked_for_less_often() {
+    let mut route = route(Vec::new());
+    let plan = |numbers: std::ops::Range<u32>| Plan {
+        waypoints: numbers.map(|k| at(&Vector3::new(f64::from(k), 1.0, 5.0))).collect(),
+        end: PlanEnd::Open,
+        prediction: None,
+    };
+    assert!(asks(&mut route) && route.on_plan(&plan(1..7), Stamp::ZERO));
+    route.plan.reach(1);
+    assert!(!asks(&mut route));
+    route.plan.reach(1);
+    assert!(asks(&mut route));
+    // It comes a waypoint later, and goes on behind the fourth.
+    route.plan.reach(1);
+    assert!(route.on_plan(&plan(5..9), Stamp::ZERO));
+    route.plan.reach(1);
+    assert!(asks(&mut route), "two waypoints after the last was asked for");
 }
