@@ -51,5 +51,7 @@ mod rect;
 mod surface_work;
 
 pub use grid_map::VolumeVariance;
+#[cfg(test)]
+pub(crate) use mapper::tests::settings_over;
 pub use mapper::{KeptHit, Mapper, Method, PoseWithCov, Settings};
 pub use surface_work::{KnownHeights, SolveError, SolveSurface, SolvedSurface};

@@ -443,4 +443,4 @@ enum Fate {
 }
 
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;

@@ -7,10 +7,15 @@ use crate::geometry::{Point, Rotation};
 use nalgebra::{SMatrix, Vector3};
 
 fn settings(method: Method) -> Settings {
+    settings_over(method, Rect { x_min_m: 0.0, y_min_m: 0.0, x_max_m: 6.0, y_max_m: 6.0 })
+}
+
+/// Of a map over these bounds.
+pub(crate) fn settings_over(method: Method, bounds: Rect) -> Settings {
     Settings {
         method,
         region: Region {
-            bounds: Rect { x_min_m: 0.0, y_min_m: 0.0, x_max_m: 6.0, y_max_m: 6.0 },
+            bounds,
             exclusions: Vec::new(),
             exclusion_margin_m: 0.0,
             bays: Vec::new(),

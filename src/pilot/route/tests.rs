@@ -1,11 +1,9 @@
 use super::super::survey_plan::PlanFacts;
 use super::*;
-use crate::geometry::{Rotation, Transform};
 use crate::localization::marker_map::MarkerMap;
-use crate::mapping::projection::LidarMount;
-use crate::mapping::region::{Rect, Region};
+use crate::mapping::region::Rect;
 use crate::mapping::solid::{self, Prism, Solid};
-use crate::mapping::{self, Mapper, Method, field_map, grid_map};
+use crate::mapping::{Mapper, Method, settings_over};
 use crate::messages::{VolumeAccount, VolumeBudget, VolumeEstimate, VolumeShares};
 use crate::planning::PlannerKind;
 use crate::planning::free_space::FreeSpace;
@@ -21,36 +19,8 @@ fn upright(centre: (f64, f64), size: (f64, f64)) -> Solid {
     Prism::turned_box(&centre, &Vector3::new(size.0, size.1, 10.0), 0.0).expect("a box").into()
 }
 
-fn lidar() -> LidarMount {
-    LidarMount {
-        body_from_lidar: Transform::new(Rotation::identity(), Point::origin()),
-        range_sigma_m: 0.012,
-        angle_sigma_rad: 0.002,
-        min_range_m: 0.15,
-        max_range_m: 12.0,
-        blind_sectors_rad: Vec::new(),
-    }
-}
-
 fn mapper() -> Mapper {
-    Mapper::new(mapping::Settings {
-        method: Method::KalmanGrid,
-        region: Region {
-            bounds: BOUNDS,
-            exclusions: Vec::new(),
-            exclusion_margin_m: 0.0,
-            bays: Vec::new(),
-        },
-        cell_m: 0.5,
-        base_height_m: 0.0,
-        obstacles: Vec::new(),
-        below_base_m: 0.5,
-        max_height_m: 4.0,
-        lidar: lidar(),
-        grid: grid_map::Settings::default(),
-        field: field_map::Settings::default(),
-        max_position_sigma_m: 0.2,
-    })
+    Mapper::new(settings_over(Method::KalmanGrid, BOUNDS))
 }
 
 /// Over a hall in which every place is good enough for a fix, but for these.
@@ -75,7 +45,8 @@ fn at(place: &Vector3<f64>) -> Waypoint {
 fn asks(route: &mut Route) -> bool {
     let from = at(&Vector3::new(1.0, 1.0, 5.0));
     let facts = PlanFacts { from, whole: None, reach_m: None, over_home: None, now: Stamp::ZERO };
-    route.plan.plan_due(&facts, &mapper(), &lidar()).is_some()
+    let lidar = settings_over(Method::KalmanGrid, BOUNDS).lidar;
+    route.plan.plan_due(&facts, &mapper(), &lidar).is_some()
 }
 
 /// Flies on for a minute and a half; where it was every 50 ms.

@@ -4,9 +4,9 @@ use crate::geometry::{Point, Rotation, Transform};
 use crate::mapping::belief::CoarseField;
 use crate::mapping::polygon::Polygon;
 use crate::mapping::projection::LidarMount;
-use crate::mapping::region::{Rect, Region};
+use crate::mapping::region::Rect;
 use crate::mapping::solid::{Prism, Solid};
-use crate::mapping::{self, Mapper, Method, field_map, grid_map};
+use crate::mapping::{self, Mapper, Method, settings_over};
 use crate::messages::VolumeEstimate;
 use crate::planning::free_space::tests::{marker_map, settings as hall_settings, space_of};
 use crate::planning::planner::Belief;
@@ -37,22 +37,10 @@ fn mapper(method: Method) -> Mapper {
 /// A map without a beam.
 fn mapper_of(method: Method, bounds: Rect) -> Mapper {
     Mapper::new(mapping::Settings {
-        method,
-        region: Region {
-            bounds,
-            exclusions: Vec::new(),
-            exclusion_margin_m: 0.0,
-            bays: Vec::new(),
-        },
         cell_m: 0.5,
-        base_height_m: 0.0,
-        obstacles: Vec::new(),
-        below_base_m: 0.5,
         max_height_m: 2.0,
         lidar: lidar(),
-        grid: grid_map::Settings::default(),
-        field: field_map::Settings::default(),
-        max_position_sigma_m: 0.2,
+        ..settings_over(method, bounds)
     })
 }
 
