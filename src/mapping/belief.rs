@@ -407,9 +407,9 @@ impl VolumeVar {
 }
 
 impl Sightings {
-    /// Looks at unknown ground of this area, m².
-    pub fn look(&mut self, row: &Row, area_m2: f64, chance: Chance) {
-        self.looks.push(row, area_m2, chance);
+    /// Looks at unknown ground of this area, m², along `way`: x and y of the hall, m.
+    pub fn look(&mut self, row: &Row, area_m2: f64, chance: Chance, way: (f64, f64)) {
+        self.looks.push(row, area_m2, chance, way);
     }
 
     /// Counts an area as seen, m², whatever it says.

@@ -214,11 +214,12 @@ impl Linearization<'_> {
         (2.0 * self.roughness_m / self.lattice.spacing_m()).powi(2)
     }
 
-    /// How sharply a ray over a node is a ceiling of the ground there, m: roughness, and slopes over the
-    /// half cell by which the ray passes beside the node.
+    /// How sharply a ray is a ceiling of the ground at a node so many steps beside it, m: roughness, and slopes over the
+    /// steps and the half cell by which it passes beside its own node.
     #[must_use]
-    pub fn ceiling_softness_m(&self) -> f64 {
-        self.roughness_m.hypot(self.slope_sigma * self.lattice.spacing_m() / 12.0_f64.sqrt())
+    pub fn ceiling_softness_m(&self, steps: u32) -> f64 {
+        let aside_m = self.lattice.spacing_m() * (1.0 / 12.0 + f64::from(steps).powi(2)).sqrt();
+        self.roughness_m.hypot(self.slope_sigma * aside_m)
     }
 
     /// Height of the surface at a row's point, m; `None` where it does not rest on data alone.

@@ -6,7 +6,7 @@
 //! node i with rays over it therefore has a condition of its own,
 //!
 //! ```text
-//! p(h | data, rays) ∝ p(h | data) Π_i Φ((u_i − h_i)/s)
+//! p(h | data, rays) ∝ p(h | data) Π_i Φ((u_i − h_i)/s_i)
 //! ```
 //! and the conditions become Gaussian data by expectation propagation: site i has information `τ_i` and
 //! τ-weighted height `ν_i`, such that posterior and tilted marginal agree in mean and variance,
@@ -55,21 +55,19 @@ impl HiddenGround {
     /// and how far a site's pull moved at most, in σ of its node.
     ///
     /// - `mean_m`, `var_m2`: that field, node by node
-    /// - `ceiling_m`: the ceiling over a node; `None` where it rests on data, or nothing passed over
-    /// - `softness_m`: `s`
+    /// - `ceiling`: `u` and `s` of a node, m; `None` where it rests on data, or nothing passed over
     #[must_use]
     pub fn renewed(
         &self,
         mean_m: &[f64],
         var_m2: &[f64],
-        ceiling_m: impl Fn(usize) -> Option<f64>,
-        softness_m: f64,
+        ceiling: impl Fn(usize) -> Option<(f64, f64)>,
     ) -> (Self, f64) {
         let mut old = self.sites.iter().copied().peekable();
         let (mut sites, mut largest_step) = (Vec::new(), 0.0_f64);
         for (node, (mean_m, var_m2)) in std::iter::zip(mean_m, var_m2).enumerate() {
             while old.next_if(|site| site.node < node).is_some() {}
-            let Some(ceiling_m) = ceiling_m(node) else { continue };
+            let Some((ceiling_m, softness_m)) = ceiling(node) else { continue };
             let none = Site { node, info_per_m2: 0.0, info_height_per_m: 0.0 };
             let site = old.next_if(|site| site.node == node).unwrap_or(none);
             let Some(aim) = site.aim(*mean_m, *var_m2, ceiling_m, softness_m) else { continue };

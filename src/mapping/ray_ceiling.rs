@@ -12,7 +12,11 @@
 //! beam through a gap) would put a ray underground, so each node keeps its two lowest rays of
 //! different turns and believes the higher one: turns follow each other by decimetres, so it is hardly less
 //! tight.
-//! Checked: `rays_match_a_walk_along_them`, `one_wrong_range_does_not_lower_the_ceiling`.
+//!
+//! Where a vehicle turns on the spot, rays pass a metre apart at ten metres, and hidden ground lies between them as under them:
+//! nodes half a metre beside a ray have its ceiling, less sharply. Nearer ones would say the same twice.
+//! Checked: `rays_match_a_walk_along_them`, `one_wrong_range_does_not_lower_the_ceiling`,
+//! `nodes_half_a_metre_beside_rays_have_their_ceilings`.
 
 use super::footprint::{Footprint, Patch};
 use super::matern_field::Lattice;
@@ -25,6 +29,18 @@ pub struct RayCeiling {
     nodes: Vec<TwoLowest>,
     n_turns: u32,
 }
+
+/// What ground at a node stays below.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Ceiling {
+    /// m over the hall floor.
+    pub height_m: f64,
+    /// How far the rays that say so pass beside the node, in steps of the lattice; 0 over it.
+    pub steps: u32,
+}
+
+/// How far beside rays nodes have their ceilings, m.
+const BESIDE_M: f64 = 0.5;
 
 /// The lowest ray over a node, and the lowest of all other turns, m over the hall floor.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -106,6 +122,38 @@ impl RayCeiling {
             let height_m = hit_m.z + t * (lidar_m.z - hit_m.z);
             self.nodes[row * n_cols + col].take(height_m as f32, self.n_turns);
         }
+    }
+
+    /// The ceilings over nodes under rays and, of those that count, half a metre beside; from step to step the mean of what lies
+    /// next to a node. Walls part them.
+    #[must_use]
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few steps")]
+    pub fn over_nodes(&self, lattice: &Lattice, counts: &[bool]) -> Vec<Option<Ceiling>> {
+        let under_ray = |node| self.at_node_m(node).map(|height_m| Ceiling { height_m, steps: 0 });
+        let mut ceilings: Vec<Option<Ceiling>> = (0..self.nodes.len()).map(under_ray).collect();
+        let mut edge: Vec<usize> =
+            (0..ceilings.len()).filter(|node| ceilings[*node].is_some()).collect();
+        let most_steps = (BESIDE_M / lattice.spacing_m()).round().max(1.0) as u32;
+        for steps in 1..=most_steps {
+            let beside = edge.iter().flat_map(|node| lattice.joined(*node));
+            let is_open = |node: &usize| counts[*node] && ceilings[*node].is_none();
+            let mut next: Vec<usize> = beside.filter(is_open).collect();
+            next.sort_unstable();
+            next.dedup();
+            let mean_m = |node: &usize| {
+                let near = lattice.joined(*node).filter_map(|near| ceilings[near]);
+                let (sum_m, n) =
+                    near.fold((0.0, 0.0), |(sum_m, n), c| (sum_m + c.height_m, n + 1.0));
+                sum_m / n
+            };
+            let means_m: Vec<f64> = next.iter().map(mean_m).collect();
+            for (node, height_m) in std::iter::zip(&next, means_m) {
+                ceilings[*node] = Some(Ceiling { height_m, steps });
+            }
+            edge = next;
+        }
+        let is_kept = |over: &Ceiling| over.steps == 0 || over.steps == most_steps;
+        ceilings.into_iter().map(|over| over.filter(is_kept)).collect()
     }
 
     /// The height that ground at a node stays below, m over the hall floor; `None` where not two

@@ -193,7 +193,8 @@ impl Sight {
             let info_per_area = field.info_per_area_seen_with(chance.open * chance.high);
             seen.add(&row, info_per_area * area_m2, (arm.x, arm.y));
             if !is_known {
-                seen.look(&row, area_m2, chance);
+                let way = end - now.origin.xy();
+                seen.look(&row, area_m2, chance, (way.x, way.y));
             }
         }
     }

@@ -70,6 +70,11 @@ impl Setup {
         std::iter::zip(areas_m2, of_means).map(|(a, b)| a + b).collect()
     }
 
+    /// Nodes that belong to what is measured.
+    pub(super) fn counts(&self) -> Vec<bool> {
+        self.areas_m2()[0].iter().map(|area_m2| *area_m2 > 0.0).collect()
+    }
+
     pub(super) fn seen(&self, info: &Information, flagged: &Flagged) -> SeenCells {
         let grid = self.lattice.grid();
         let is_seen = |cell| info.n_hits(self.lattice.node_of_cell(cell)) >= SEEN_FROM_PATCHES;

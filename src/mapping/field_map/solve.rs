@@ -97,7 +97,7 @@ impl SolveField {
     ) -> Result<f64, FieldError> {
         let (setup, newest) = (&self.setup, &full.newest);
         let Some(full_var_m2) = &full.var_m2 else { return Ok(1.0) };
-        let counts: Vec<bool> = setup.areas_m2()[0].iter().map(|area| *area > 0.0).collect();
+        let counts = setup.counts();
         let at = setup.linearization(n_patches, full.before.as_ref());
         let mut z = Vec::new();
         for layout in 0..left_out::N_LAYOUTS {
@@ -131,20 +131,22 @@ impl SolveField {
             .map(|node| data.info.n_hits(node) >= KNOWN_FROM_PATCHES)
             .collect();
         let is_hidden = setup.lattice.far_from(&is_known);
-        let ceiling_m =
-            |node: usize| if is_hidden[node] { self.ceiling.at_node_m(node) } else { None };
-        let softness_m = at.ceiling_softness_m();
+        let ceilings = self.ceiling.over_nodes(&setup.lattice, &setup.counts());
+        let ceiling = |node: usize| {
+            let over = ceilings[node].filter(|_| is_hidden[node])?;
+            Some((over.height_m, at.ceiling_softness_m(over.steps)))
+        };
         // In flight the newest conditions are good enough, and are renewed for the next solve.
         let n_sweeps = if self.is_final { FINAL_SWEEPS } else { 1 };
         let mut hidden = before.map_or_else(HiddenGround::default, |before| {
-            before.hidden.among(|node| ceiling_m(node).is_some())
+            before.hidden.among(|node| ceiling(node).is_some())
         });
         let mut sweep = 1;
         loop {
             let solution = self.solution(&data.info, &hidden, before)?;
             let var_m2 = self.var_m2(&solution);
             let (next, step) = match &var_m2 {
-                Some(var_m2) => hidden.renewed(solution.height_m(), var_m2, ceiling_m, softness_m),
+                Some(var_m2) => hidden.renewed(solution.height_m(), var_m2, ceiling),
                 None => (hidden.clone(), 0.0),
             };
             if sweep == n_sweeps || step < SETTLED_SIGMAS {

@@ -46,29 +46,31 @@ fn a_single_condition_is_the_truncated_normal() {
 struct Valley {
     lattice: Arc<Lattice>,
     information: Information,
-    ceiling_m: Vec<Option<f64>>,
+    /// Height and softness, m.
+    ceilings: Vec<Option<(f64, f64)>>,
 }
 
 const PRIOR: Prior = Prior { range_m: 4.0, sigma_m: 0.8, mean_m: 1.5, mean_sigma_m: 0.0 };
-const SOFTNESS_M: f64 = 0.03;
+/// In turns: under rays, and between them.
+const SOFTNESS_M: [f64; 2] = [0.03, 0.12];
 
 impl Valley {
     fn new() -> Self {
         let grid = GridGeometry { x_min_m: 0.0, y_min_m: 0.0, cell_m: 0.5, n_cols: 7, n_rows: 4 };
         let lattice = Arc::new(Lattice::covering(&grid, 0.5, |_, _| false));
         let mut information = Information::new(&lattice);
-        let mut ceiling_m = vec![None; lattice.n_nodes()];
-        for (node, ceiling_m) in ceiling_m.iter_mut().enumerate() {
+        let mut ceilings = vec![None; lattice.n_nodes()];
+        for (node, ceiling) in ceilings.iter_mut().enumerate() {
             let (x_m, y_m) = lattice.place_m(node);
             if (0.5..3.0).contains(&x_m) {
                 // The ray from the crest at x = 0.25, 2.2 m high, to the hit at 3.25, 1.3 m high.
-                *ceiling_m = Some(2.2 - 0.3 * (x_m - 0.25));
+                *ceiling = Some((2.2 - 0.3 * (x_m - 0.25), SOFTNESS_M[node % 2]));
             } else if let Some(row) = lattice.row_at(x_m, y_m) {
                 let height_m = if x_m < 1.0 { 2.2 } else { 1.3 };
                 information.add(&row, height_m, 1.0 / 0.02_f64.powi(2));
             }
         }
-        Self { lattice, information, ceiling_m }
+        Self { lattice, information, ceilings }
     }
 
     /// Mean and variance by the conditions, and the conditions.
@@ -80,12 +82,8 @@ impl Valley {
             let solution =
                 solve(&self.lattice, &PRIOR, &info, Solver::Direct, None).expect("solved");
             let var_m2 = solution.marginal_var_m2().expect("exact");
-            let (next, step) = hidden.renewed(
-                solution.height_m(),
-                &var_m2,
-                |node| self.ceiling_m[node],
-                SOFTNESS_M,
-            );
+            let (next, step) =
+                hidden.renewed(solution.height_m(), &var_m2, |node| self.ceilings[node]);
             if step < 1e-6 {
                 return (solution.height_m().to_vec(), var_m2, hidden);
             }
@@ -110,10 +108,10 @@ impl Valley {
 }
 
 /// A draw of N(mean, σ²) weighted by Φ((u − h)/s), by rejection: h passes if it is below u + s ε.
-fn draw_below(noise: &mut Noise, mean_m: f64, sigma_m: f64, ceiling_m: f64) -> f64 {
+fn draw_below(noise: &mut Noise, mean_m: f64, sigma_m: f64, (u_m, s_m): (f64, f64)) -> f64 {
     loop {
         let h = mean_m + sigma_m * noise.normal();
-        if h < ceiling_m + SOFTNESS_M * noise.normal() {
+        if h < u_m + s_m * noise.normal() {
             return h;
         }
     }
@@ -131,7 +129,7 @@ fn conditions_match_gibbs_sampling() {
         .to_vec();
     let mut noise = SeedBook::new(11).stream("gibbs");
     let mut h = mean_m.clone();
-    let w: Vec<f64> = valley.ceiling_m.iter().map(|c| f64::from(u8::from(c.is_some()))).collect();
+    let w: Vec<f64> = valley.ceilings.iter().map(|c| f64::from(u8::from(c.is_some()))).collect();
     let (mut sum, mut sum_v, mut sum_vv) = (vec![0.0; n], 0.0, 0.0);
     let n_sweeps = 60_000;
     for _ in 0..n_sweeps {
@@ -141,8 +139,8 @@ fn conditions_match_gibbs_sampling() {
                 (0..n).filter(|j| *j != i).map(|j| precision[(i, j)] * (h[j] - plain[j])).sum();
             let m = plain[i] - pull / precision[(i, i)];
             let sigma = precision[(i, i)].recip().sqrt();
-            h[i] = match valley.ceiling_m[i] {
-                Some(ceiling_m) => draw_below(&mut noise, m, sigma, ceiling_m),
+            h[i] = match valley.ceilings[i] {
+                Some(ceiling) => draw_below(&mut noise, m, sigma, ceiling),
                 None => m + sigma * noise.normal(),
             };
         }
@@ -153,7 +151,7 @@ fn conditions_match_gibbs_sampling() {
     }
     let n_sweeps = f64::from(n_sweeps);
     let mut deepest_m = 0.0_f64;
-    for node in (0..n).filter(|node| valley.ceiling_m[*node].is_some()) {
+    for node in (0..n).filter(|node| valley.ceilings[*node].is_some()) {
         let sampled = sum[node] / n_sweeps;
         let sigma = var_m2[node].sqrt();
         // The chain's own error is about 0.02 σ; expectation propagation is not exact.
@@ -189,9 +187,9 @@ fn conditions_follow_what_is_hidden() {
     assert!(!kept.sites.is_empty() && kept.sites.len() < hidden.sites.len());
     // Seen now: its condition goes.
     let (mean_m, var_m2) = (vec![1.0; 54], vec![0.1; 54]);
-    assert_eq!(hidden.renewed(&mean_m, &var_m2, |_| None, 0.03), (HiddenGround::default(), 0.0));
+    assert_eq!(hidden.renewed(&mean_m, &var_m2, |_| None), (HiddenGround::default(), 0.0));
     // Nothing to be known.
     let broken = vec![f64::NAN; 54];
-    let (none, step) = hidden.renewed(&broken, &var_m2, |node| valley.ceiling_m[node], 0.03);
+    let (none, step) = hidden.renewed(&broken, &var_m2, |node| valley.ceilings[node]);
     assert_eq!((none, step), (HiddenGround::default(), 0.0));
 }

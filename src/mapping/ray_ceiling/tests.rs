@@ -120,3 +120,52 @@ fn one_wrong_range_does_not_lower_the_ceiling() {
     let of_good = lidar_m.z + along * (good.z - lidar_m.z);
     assert!((height_m - of_good).abs() < 0.02, "{height_m} {of_good}");
 }
+
+#[test]
+fn nodes_half_a_metre_beside_rays_have_their_ceilings() {
+    // A wall stands along x = 2 m.
+    let grid = GridGeometry { x_min_m: 0.0, y_min_m: 0.0, cell_m: 0.25, n_cols: 16, n_rows: 12 };
+    let lattice = Lattice::covering(&grid, 0.0, |a, b| (a.0 < 2.0) != (b.0 < 2.0));
+    let mut ceiling = RayCeiling::new(lattice.n_nodes());
+    let at = |col: u32, row: u32| {
+        lattice.nearest_node(0.25 * (f64::from(col) + 0.5), 0.25 * (f64::from(row) + 0.5))
+    };
+    // Two lines of nodes under rays, 5 steps apart, one 1 m high, the other 2 m.
+    for (row, height_m) in [(2, 1.0), (7, 2.0)] {
+        for turn in 1..=2 {
+            for col in 0..8 {
+                ceiling.nodes[at(col, row)].take(height_m, turn);
+            }
+        }
+    }
+    let counts = vec![true; lattice.n_nodes()];
+    let over = ceiling.over_nodes(&lattice, &counts);
+    let under = |height_m| Some(Ceiling { height_m, steps: 0 });
+    let beside = |height_m| Some(Ceiling { height_m, steps: 2 });
+    let rows = [
+        (0, beside(1.0)),
+        (1, None),
+        (2, under(1.0)),
+        (3, None),
+        (4, beside(1.0)),
+        (5, beside(2.0)),
+        (6, None),
+        (7, under(2.0)),
+        (9, beside(2.0)),
+        (10, None),
+    ];
+    for (row, expected) in rows {
+        (0..8).for_each(|col| assert_eq!(over[at(col, row)], expected, "{col} {row}"));
+    }
+    // Nothing is known behind the wall.
+    assert!((8..16).all(|col| over[at(col, 2)].is_none()));
+    // In the middle between two lines a node has their mean.
+    for turn in 1..=2 {
+        (0..8).for_each(|col| ceiling.nodes[at(col, 6)].take(4.0, turn));
+    }
+    let over = ceiling.over_nodes(&lattice, &counts);
+    assert_eq!(over[at(4, 4)], beside(2.5));
+    // What is not measured has ceilings only under rays.
+    let none = ceiling.over_nodes(&lattice, &vec![false; lattice.n_nodes()]);
+    assert_eq!((none[at(4, 4)], none[at(4, 2)]), (None, under(1.0)));
+}
