@@ -3,7 +3,7 @@
 //! A field that knows hits alone takes the ground behind a crest to be as high as the line from the
 //! crest to the next hit, which is the very ray that missed it. What is hidden is lower than that,
 //! everywhere, so a volume over hidden ground comes out too high, and by more than its σ says. Each hidden
-//! node i with rays over it therefore has a condition of its own,
+//! node i with rays over it, or half a metre beside it, therefore has a condition of its own,
 //!
 //! ```text
 //! p(h | data, rays) ∝ p(h | data) Π_i Φ((u_i − h_i)/s_i)
@@ -55,7 +55,7 @@ impl HiddenGround {
     /// and how far a site's pull moved at most, in σ of its node.
     ///
     /// - `mean_m`, `var_m2`: that field, node by node
-    /// - `ceiling`: `u` and `s` of a node, m; `None` where it rests on data, or nothing passed over
+    /// - `ceiling`: `u` and `s` of a node, m; `None` where it rests on data, or nothing passed over it or beside
     #[must_use]
     pub fn renewed(
         &self,

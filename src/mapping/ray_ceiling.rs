@@ -124,19 +124,29 @@ impl RayCeiling {
         }
     }
 
-    /// The ceilings over nodes under rays and, of those that count, half a metre beside; from step to step the mean of what lies
-    /// next to a node. Walls part them.
+    /// The ceilings over hidden nodes under rays, and, of those that count, half a metre beside; from step to step the mean of what
+    /// lies next to a node. Over ground that is seen rays only end, so nothing follows from them for the ground beside. Walls
+    /// part them.
     #[must_use]
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few steps")]
-    pub fn over_nodes(&self, lattice: &Lattice, counts: &[bool]) -> Vec<Option<Ceiling>> {
-        let under_ray = |node| self.at_node_m(node).map(|height_m| Ceiling { height_m, steps: 0 });
+    pub fn over_hidden(
+        &self,
+        lattice: &Lattice,
+        is_hidden: &[bool],
+        counts: &[bool],
+    ) -> Vec<Option<Ceiling>> {
+        let under_ray = |node: usize| {
+            let height_m = self.at_node_m(node).filter(|_| is_hidden[node])?;
+            Some(Ceiling { height_m, steps: 0 })
+        };
         let mut ceilings: Vec<Option<Ceiling>> = (0..self.nodes.len()).map(under_ray).collect();
         let mut edge: Vec<usize> =
             (0..ceilings.len()).filter(|node| ceilings[*node].is_some()).collect();
         let most_steps = (BESIDE_M / lattice.spacing_m()).round().max(1.0) as u32;
         for steps in 1..=most_steps {
             let beside = edge.iter().flat_map(|node| lattice.joined(*node));
-            let is_open = |node: &usize| counts[*node] && ceilings[*node].is_none();
+            let is_open =
+                |node: &usize| is_hidden[*node] && counts[*node] && ceilings[*node].is_none();
             let mut next: Vec<usize> = beside.filter(is_open).collect();
             next.sort_unstable();
             next.dedup();

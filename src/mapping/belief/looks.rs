@@ -6,8 +6,8 @@
 //!     ╳   ╲       and it stands high enough for the known    with probability `high`
 //!   ╱   ╲   ?     ground in between
 //! ```
-//! Unknown crests are others on each side, so looks from two sides see more than one. From one side they are the same: there,
-//! looks together see what the best of them could see of all the ground. What is too low for one look is too low for all that
+//! Unknown crests are others on each side, so looks from two sides see more than one. From one side they are the same: what a
+//! look sees there, a better one sees as well. What is too low for one look is too low for all that
 //! reach no lower, so the best of several is as good as all of them.
 
 use crate::mapping::matern_field::Row;
@@ -55,9 +55,9 @@ pub(super) struct Rest {
 pub(super) struct Look {
     /// Probability that the ground stands high enough for it.
     high: f64,
-    /// Share of the ground that it sees if so.
-    seen_share: f64,
-    /// Share that it would see of what it looks at.
+    /// Share of the ground that it looks at.
+    covered: f64,
+    /// Share that it sees of that if so.
     open: f64,
     side: usize,
 }
@@ -65,8 +65,10 @@ pub(super) struct Look {
 /// What the looks from one side see of the ground around a node.
 #[derive(Debug, Clone, Copy, Default)]
 struct FromSide {
-    sum: f64,
-    most: f64,
+    /// Share of it that they look at.
+    covered: f64,
+    /// Share that they see.
+    seen: f64,
 }
 
 /// More than this of the ground around a node must be unseen for a patch that no map knows of.
@@ -97,9 +99,9 @@ impl Rest {
     /// What all these looks leave of the open ground around a node, which has this area, m²; `scratch` is overwritten.
     ///
     /// ```text
-    /// Σ_k (h_k − h_{k+1}) f(Π_{l≤k} (1 − s_l)),   h_0 = 1, then falling
+    /// Σ_k (h_k − h_{k+1}) f(Π_side (1 − s_side,k)),   h_0 = 1, then falling
     /// ```
-    /// - `h`: high of each look; `s`: share that it sees if the ground is that high, by sides together
+    /// - `h`: high of each look; `s_side,k`: share that the first k looks see from a side if the ground is that high
     /// - `f`: the identity for the area; the square for the variance, and none of a rest that makes no patch
     pub(super) fn of<'a>(
         looks: impl Iterator<Item = &'a Looks>,
@@ -138,19 +140,23 @@ impl Sums {
         let high = self.high_twice_m2 / self.high_m2;
         let covered = if open_m2 > 0.0 { (self.high_m2 / (high * open_m2)).min(1.0) } else { 1.0 };
         let open = self.both_m2 / self.high_m2;
-        Look { high, seen_share: covered * open, open, side }
+        Look { high, covered, open, side }
     }
 }
 
 impl FromSide {
+    /// What nobody has looked at from here comes first; of the rest, what a better look sees beyond the mean of the others.
     fn take(&mut self, look: &Look) {
-        self.sum += look.seen_share;
-        self.most = self.most.max(look.open);
+        let new = look.covered.min(1.0 - self.covered);
+        let mean_open = if self.covered > 0.0 { self.seen / self.covered } else { 0.0 };
+        let better = (look.covered - new) * (look.open - mean_open).max(0.0);
+        self.seen += new * look.open + better;
+        self.covered += new;
     }
 
     /// The share that they leave.
     fn shaded(&self) -> f64 {
-        1.0 - self.sum.min(self.most)
+        (1.0 - self.seen).max(0.0)
     }
 }
 
@@ -169,12 +175,14 @@ mod tests {
     const EAST: (f64, f64) = (-2.0, 1.0);
 
     /// What looks of one area and chance each, the second and all later ones from the east, leave of 2 m².
-    fn rest(looks: &[(f64, f64, f64)]) -> Rest {
+    fn rest(looks: &[AreaOpenHigh]) -> Rest {
         let ways = std::iter::once(WEST).chain(std::iter::repeat(EAST));
         rest_along(&std::iter::zip(looks.iter().copied(), ways).collect::<Vec<_>>())
     }
 
-    fn rest_along(looks: &[((f64, f64, f64), (f64, f64))]) -> Rest {
+    type AreaOpenHigh = (f64, f64, f64);
+
+    fn rest_along(looks: &[(AreaOpenHigh, (f64, f64))]) -> Rest {
         let parts: Vec<Looks> = looks
             .iter()
             .map(|((area_m2, open, high), way)| {
@@ -187,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn crests_are_others_for_each_look_and_depth_is_the_same_for_all() {
+    fn crests_are_others_on_each_side_and_depth_is_the_same_for_all() {
         let is = |got: f64, expected: f64| assert!((got - expected).abs() < 1e-12, "{got}");
         // Not looked at, nothing is taken off.
         is(rest(&[]).var_share, 1.0);
@@ -198,9 +206,9 @@ mod tests {
         // From one side the same crests are in the way.
         let again = rest_along(&[((2.0, 0.6, 1.0), WEST), ((2.0, 0.6, 1.0), WEST)]);
         is(again.area_share, 0.4);
-        // A better look from there sees more, though not of what it does not look at.
+        // A better look from there sees more of what it looks at.
         let better = rest_along(&[((2.0, 0.6, 1.0), WEST), ((0.5, 0.8, 1.0), WEST)]);
-        is(better.area_share, 0.2);
+        is(better.area_share, 1.0 - 0.6 - 0.25 * 0.2);
         let elsewhere = rest_along(&[((1.0, 0.6, 1.0), WEST), ((0.5, 0.6, 1.0), WEST)]);
         is(elsewhere.area_share, 1.0 - 0.75 * 0.6);
         // 0.14 is no patch, and as good as seen.

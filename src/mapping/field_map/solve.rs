@@ -131,10 +131,13 @@ impl SolveField {
             .map(|node| data.info.n_hits(node) >= KNOWN_FROM_PATCHES)
             .collect();
         let is_hidden = setup.lattice.far_from(&is_known);
-        let ceilings = self.ceiling.over_nodes(&setup.lattice, &setup.counts());
+        let ceilings = if self.affords_var() {
+            self.ceiling.over_hidden(&setup.lattice, &is_hidden, &setup.counts())
+        } else {
+            vec![None; setup.lattice.n_nodes()]
+        };
         let ceiling = |node: usize| {
-            let over = ceilings[node].filter(|_| is_hidden[node])?;
-            Some((over.height_m, at.ceiling_softness_m(over.steps)))
+            ceilings[node].map(|over| (over.height_m, at.ceiling_softness_m(over.steps)))
         };
         // In flight the newest conditions are good enough, and are renewed for the next solve.
         let n_sweeps = if self.is_final { FINAL_SWEEPS } else { 1 };
@@ -398,9 +401,12 @@ impl SolveField {
     /// factor; none in flight over larger ones, where it takes gigabytes, and where the factor does
     /// not fit into memory.
     fn var_m2(&self, solution: &Solution) -> Option<Vec<f64>> {
+        self.affords_var().then(|| solution.marginal_var_m2().ok()).flatten()
+    }
+
+    fn affords_var(&self) -> bool {
         let n_nodes = self.setup.lattice.n_nodes();
         let is_direct = n_nodes <= Solver::MOST_NODES_DIRECT;
-        let is_affordable = is_direct || self.is_final && n_nodes <= MOST_NODES_FINAL;
-        is_affordable.then(|| solution.marginal_var_m2().ok()).flatten()
+        is_direct || self.is_final && n_nodes <= MOST_NODES_FINAL
     }
 }

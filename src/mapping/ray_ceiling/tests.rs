@@ -138,8 +138,9 @@ fn nodes_half_a_metre_beside_rays_have_their_ceilings() {
             }
         }
     }
-    let counts = vec![true; lattice.n_nodes()];
-    let over = ceiling.over_nodes(&lattice, &counts);
+    let all = vec![true; lattice.n_nodes()];
+    let none = vec![false; lattice.n_nodes()];
+    let over = ceiling.over_hidden(&lattice, &all, &all);
     let under = |height_m| Some(Ceiling { height_m, steps: 0 });
     let beside = |height_m| Some(Ceiling { height_m, steps: 2 });
     let rows = [
@@ -163,9 +164,14 @@ fn nodes_half_a_metre_beside_rays_have_their_ceilings() {
     for turn in 1..=2 {
         (0..8).for_each(|col| ceiling.nodes[at(col, 6)].take(4.0, turn));
     }
-    let over = ceiling.over_nodes(&lattice, &counts);
+    let over = ceiling.over_hidden(&lattice, &all, &all);
     assert_eq!(over[at(4, 4)], beside(2.5));
     // What is not measured has ceilings only under rays.
-    let none = ceiling.over_nodes(&lattice, &vec![false; lattice.n_nodes()]);
-    assert_eq!((none[at(4, 4)], none[at(4, 2)]), (None, under(1.0)));
+    let outside = ceiling.over_hidden(&lattice, &all, &none);
+    assert_eq!((outside[at(4, 4)], outside[at(4, 2)]), (None, under(1.0)));
+    // Rays that end on ground that is seen say nothing of the ground beside.
+    let mut is_hidden = all.clone();
+    (0..8).for_each(|col| is_hidden[at(col, 2)] = false);
+    let over = ceiling.over_hidden(&lattice, &is_hidden, &all);
+    assert_eq!((over[at(4, 2)], over[at(4, 0)], over[at(4, 4)]), (None, None, beside(4.0)));
 }

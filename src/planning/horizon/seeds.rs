@@ -28,7 +28,7 @@ const N_PLACES: u32 = 5;
 /// Turns on the way there, which neighbouring places share out, rad.
 const TURNS_RAD: [[f64; 2]; 2] = [[0.0, FRAC_PI_2], [-FRAC_PI_2, 0.95 * PI]];
 
-/// The best square waves and single legs of all.
+/// The best square waves, single legs and turns in a line of all.
 pub(super) fn best_of_all(scene: &mut Scene<'_>) -> Vec<Path> {
     let mut best = Vec::new();
     let legs = single_legs(scene);
@@ -194,6 +194,9 @@ fn turns_in_line(scene: &Scene<'_>, most_places: u32) -> Vec<Vec<Waypoint>> {
         for across_share in TURN_LINES {
             for is_along_x in [true, false] {
                 for is_backwards in [false, true] {
+                    if n_places == 1 && is_backwards {
+                        continue;
+                    }
                     let line = TurnLine { n_places, across_share, is_along_x, is_backwards };
                     lines.push(line.waypoints(scene));
                 }
