@@ -17,7 +17,7 @@
 //! - `c`: what no flight changes (calibration, base), m⁶
 //!
 //! Checked: `coarse_variance_matches_dense_algebra`, `a_patch_of_the_map_is_off_as_a_whole_until_it_is_looked_at`,
-//! `crests_are_others_on_each_side_and_depth_is_the_same_for_all`.
+//! `crests_are_others_for_each_look_and_depth_is_the_same_for_all`.
 
 mod looks;
 mod open_patch;
@@ -407,9 +407,9 @@ impl VolumeVar {
 }
 
 impl Sightings {
-    /// Looks at unknown ground of this area, m², along `way`: x and y of the hall, m.
-    pub fn look(&mut self, row: &Row, area_m2: f64, chance: Chance, way: (f64, f64)) {
-        self.looks.push(row, area_m2, chance, way);
+    /// Looks at unknown ground of this area, m².
+    pub fn look(&mut self, row: &Row, area_m2: f64, chance: Chance) {
+        self.looks.push(row, area_m2, chance);
     }
 
     /// Counts an area as seen, m², whatever it says.

@@ -193,8 +193,7 @@ impl Sight {
             let info_per_area = field.info_per_area_seen_with(chance.open * chance.high);
             seen.add(&row, info_per_area * area_m2, (arm.x, arm.y));
             if !is_known {
-                let way = end - now.origin.xy();
-                seen.look(&row, area_m2, chance, (way.x, way.y));
+                seen.look(&row, area_m2, chance);
             }
         }
     }

@@ -6,9 +6,8 @@
 //!     ╳   ╲       and it stands high enough for the known    with probability `high`
 //!   ╱   ╲   ?     ground in between
 //! ```
-//! Unknown crests are others on each side, so looks from two sides see more than one. From one side they are the same: what a
-//! look sees there, a better one sees as well. What is too low for one look is too low for all that
-//! reach no lower, so the best of several is as good as all of them.
+//! Unknown crests are others for each look, so looks from two ways see more than one. What is too low for one look is
+//! too low for all that reach no lower, so the best of several is as good as all of them.
 
 use crate::mapping::matern_field::Row;
 
@@ -24,11 +23,8 @@ pub struct Chance {
 /// What a part of a flight looks at, node by node.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Looks {
-    sums: Vec<[Sums; N_SIDES]>,
+    sums: Vec<Sums>,
 }
-
-/// Sides from which ground is looked at: quarters about the axes of the hall.
-const N_SIDES: usize = 4;
 
 /// Sums over the areas a that were looked at around a node, m².
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -55,38 +51,25 @@ pub(super) struct Rest {
 pub(super) struct Look {
     /// Probability that the ground stands high enough for it.
     high: f64,
-    /// Share of the ground that it looks at.
-    covered: f64,
-    /// Share that it sees of that if so.
-    open: f64,
-    side: usize,
+    /// Share of the ground that it sees if so.
+    seen_share: f64,
 }
 
-/// What the looks from one side see of the ground around a node.
-#[derive(Debug, Clone, Copy, Default)]
-struct FromSide {
-    /// Share of it that they look at.
-    covered: f64,
-    /// Share that they see.
-    seen: f64,
-}
-
-/// More than this of the ground around a node must be unseen for a patch that no map knows of.
+/// More than this of the ground around a node must be unseen for a patch.
 pub(super) const UNSEEN_SHARE: f64 = 0.5;
-/// A smaller share of the ground around a node is too little for a patch.
-const LEAST_PATCH_SHARE: f64 = 0.15;
+/// Ground of whose variance less than this stays is as good as seen.
+const LEAST_VAR_SHARE: f64 = 0.1;
 
 impl Looks {
     /// None, at so many nodes.
     pub(super) fn none(n_nodes: usize) -> Self {
-        Self { sums: vec![[Sums::default(); N_SIDES]; n_nodes] }
+        Self { sums: vec![Sums::default(); n_nodes] }
     }
 
-    /// A look at an area, m², along `way`: x and y of the hall, m.
-    pub(super) fn push(&mut self, row: &Row, area_m2: f64, chance: Chance, way: (f64, f64)) {
-        let side = side_of(way);
+    /// A look at an area, m².
+    pub(super) fn push(&mut self, row: &Row, area_m2: f64, chance: Chance) {
         for (node, weight) in std::iter::zip(row.nodes, row.weights) {
-            let sums = &mut self.sums[node as usize][side];
+            let sums = &mut self.sums[node as usize];
             let high_m2 = weight * area_m2 * chance.high;
             sums.high_m2 += high_m2;
             sums.high_twice_m2 += high_m2 * chance.high;
@@ -99,9 +82,9 @@ impl Rest {
     /// What all these looks leave of the open ground around a node, which has this area, m²; `scratch` is overwritten.
     ///
     /// ```text
-    /// Σ_k (h_k − h_{k+1}) f(Π_side (1 − s_side,k)),   h_0 = 1, then falling
+    /// Σ_k (h_k − h_{k+1}) f(Π_{l≤k} (1 − s_l)),   h_0 = 1, then falling
     /// ```
-    /// - `h`: high of each look; `s_side,k`: share that the first k looks see from a side if the ground is that high
+    /// - `h`: high of each look; `s`: share that it sees if the ground is that high
     /// - `f`: the identity for the area; the square for the variance, and none of a rest that makes no patch
     pub(super) fn of<'a>(
         looks: impl Iterator<Item = &'a Looks>,
@@ -110,59 +93,34 @@ impl Rest {
         scratch: &mut Vec<Look>,
     ) -> Self {
         scratch.clear();
-        for looks in looks {
-            let sides = looks.sums[node].iter().enumerate().filter(|(_, sums)| sums.high_m2 > 0.0);
-            scratch.extend(sides.map(|(side, sums)| sums.look(open_m2, side)));
-        }
+        let sums = looks.map(|looks| looks.sums[node]).filter(|sums| sums.high_m2 > 0.0);
+        scratch.extend(sums.map(|sums| sums.look(open_m2)));
         scratch.sort_by(|a, b| b.high.total_cmp(&a.high));
         let (mut area_share, mut var_share) = (0.0, 0.0);
         let (mut high, mut shaded) = (1.0, 1.0);
-        let mut sides = [FromSide::default(); N_SIDES];
         for next in scratch.iter().copied().map(Some).chain([None]) {
             let next_high = next.map_or(0.0, |look| look.high);
             area_share += (high - next_high) * shaded;
             var_share +=
-                (high - next_high) * if shaded > LEAST_PATCH_SHARE { shaded * shaded } else { 0.0 };
+                (high - next_high) * if shaded > UNSEEN_SHARE { shaded * shaded } else { 0.0 };
             high = next_high;
-            if let Some(look) = next {
-                sides[look.side].take(&look);
-                shaded = sides.iter().map(FromSide::shaded).product();
-            }
+            shaded *= 1.0 - next.map_or(0.0, |look| look.seen_share);
         }
-        Self { area_share, var_share }
+        Self {
+            area_share,
+            var_share: ((var_share - LEAST_VAR_SHARE) / (1.0 - LEAST_VAR_SHARE)).max(0.0),
+        }
     }
 }
 
 impl Sums {
     /// The looks as one at open ground of this area, m².
-    fn look(&self, open_m2: f64, side: usize) -> Look {
+    fn look(&self, open_m2: f64) -> Look {
         // Of the rays of a part, those that see it more surely count more.
         let high = self.high_twice_m2 / self.high_m2;
         let covered = if open_m2 > 0.0 { (self.high_m2 / (high * open_m2)).min(1.0) } else { 1.0 };
-        let open = self.both_m2 / self.high_m2;
-        Look { high, covered, open, side }
+        Look { high, seen_share: covered * self.both_m2 / self.high_m2 }
     }
-}
-
-impl FromSide {
-    /// What nobody has looked at from here comes first; of the rest, what a better look sees beyond the mean of the others.
-    fn take(&mut self, look: &Look) {
-        let new = look.covered.min(1.0 - self.covered);
-        let mean_open = if self.covered > 0.0 { self.seen / self.covered } else { 0.0 };
-        let better = (look.covered - new) * (look.open - mean_open).max(0.0);
-        self.seen += new * look.open + better;
-        self.covered += new;
-    }
-
-    /// The share that they leave.
-    fn shaded(&self) -> f64 {
-        (1.0 - self.seen).max(0.0)
-    }
-}
-
-/// The side from which a look along this way comes.
-fn side_of((x_m, y_m): (f64, f64)) -> usize {
-    if x_m.abs() > y_m.abs() { usize::from(x_m > 0.0) } else { 2 + usize::from(y_m > 0.0) }
 }
 
 #[cfg(test)]
@@ -171,23 +129,13 @@ mod tests {
 
     const ROW: Row = Row { nodes: [0, 1, 2, 3], weights: [1.0, 0.0, 0.0, 0.0] };
 
-    const WEST: (f64, f64) = (2.0, -1.0);
-    const EAST: (f64, f64) = (-2.0, 1.0);
-
-    /// What looks of one area and chance each, the second and all later ones from the east, leave of 2 m².
-    fn rest(looks: &[AreaOpenHigh]) -> Rest {
-        let ways = std::iter::once(WEST).chain(std::iter::repeat(EAST));
-        rest_along(&std::iter::zip(looks.iter().copied(), ways).collect::<Vec<_>>())
-    }
-
-    type AreaOpenHigh = (f64, f64, f64);
-
-    fn rest_along(looks: &[(AreaOpenHigh, (f64, f64))]) -> Rest {
+    /// What looks of one area and chance each leave of 2 m².
+    fn rest(looks: &[(f64, f64, f64)]) -> Rest {
         let parts: Vec<Looks> = looks
             .iter()
-            .map(|((area_m2, open, high), way)| {
+            .map(|(area_m2, open, high)| {
                 let mut part = Looks::none(4);
-                part.push(&ROW, *area_m2, Chance { open: *open, high: *high }, *way);
+                part.push(&ROW, *area_m2, Chance { open: *open, high: *high });
                 part
             })
             .collect();
@@ -195,35 +143,25 @@ mod tests {
     }
 
     #[test]
-    fn crests_are_others_on_each_side_and_depth_is_the_same_for_all() {
+    fn crests_are_others_for_each_look_and_depth_is_the_same_for_all() {
         let is = |got: f64, expected: f64| assert!((got - expected).abs() < 1e-12, "{got}");
         // Not looked at, nothing is taken off.
         is(rest(&[]).var_share, 1.0);
-        // 0.4 of it is shaded from each side: 0.16 from both. That share squared of the variance stays.
+        // 0.4 of it is shaded from each side: 0.16 from both; that is no patch, and as good as seen.
         let both = rest(&[(2.0, 0.6, 1.0), (2.0, 0.6, 1.0)]);
         is(both.area_share, 0.16);
-        is(both.var_share, 0.16 * 0.16);
-        // From one side the same crests are in the way.
-        let again = rest_along(&[((2.0, 0.6, 1.0), WEST), ((2.0, 0.6, 1.0), WEST)]);
-        is(again.area_share, 0.4);
-        // A better look from there sees more of what it looks at.
-        let better = rest_along(&[((2.0, 0.6, 1.0), WEST), ((0.5, 0.8, 1.0), WEST)]);
-        is(better.area_share, 1.0 - 0.6 - 0.25 * 0.2);
-        let elsewhere = rest_along(&[((1.0, 0.6, 1.0), WEST), ((0.5, 0.6, 1.0), WEST)]);
-        is(elsewhere.area_share, 1.0 - 0.75 * 0.6);
-        // 0.14 is no patch, and as good as seen.
-        is(rest(&[(2.0, 0.65, 1.0), (2.0, 0.6, 1.0)]).var_share, 0.0);
-        // Half the area looked at: 1 − 0.5 · 0.6 is shaded.
-        is(rest(&[(1.0, 0.6, 1.0)]).var_share, 0.49);
+        is(both.var_share, 0.0);
+        // Half the area looked at: 1 − 0.5 · 0.6 is shaded. That share squared of the variance stays.
+        is(rest(&[(1.0, 0.6, 1.0)]).var_share, (0.49 - 0.1) / 0.9);
         // Three looks that reach it with 0.3, 0.7 and 0.5 are as good as the best one: 0.3 stays.
         let low = rest(&[(2.0, 1.0, 0.3), (9.0, 1.0, 0.7), (2.0, 1.0, 0.5)]);
-        is(low.var_share, 0.3);
+        is(low.var_share, (0.3 - 0.1) / 0.9);
         is(low.area_share, 0.3);
         // A look that cannot reach it changes nothing.
         is(rest(&[(9.0, 1.0, 0.0)]).var_share, 1.0);
         // One that hardly reaches all of it, and one that surely reaches a hundredth: with 0.9 a hundredth is seen.
         let glimpse = rest(&[(2.0, 1.0, 0.1), (0.02, 1.0, 1.0)]);
         is(glimpse.area_share, 0.9 * 0.99);
-        is(glimpse.var_share, 0.9 * 0.99 * 0.99);
+        is(glimpse.var_share, (0.9 * 0.99 * 0.99 - 0.1) / 0.9);
     }
 }
