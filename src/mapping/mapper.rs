@@ -10,10 +10,11 @@ use super::kalman_grid::KalmanGrid;
 use super::matern_field::{FieldError, Lattice};
 use super::projection::{Hit, LidarMount, project};
 use super::region::Region;
+use super::silence::{Reach, silent_beams};
 use super::solid::{self, Solid};
 use super::surface_work::{SolveSurface, SolvedSurface};
 use super::volume::Base;
-use crate::geometry::{Body, Hall, Transform};
+use crate::geometry::{Body, Hall, Point, Transform};
 use crate::messages::{Beam, GridGeometry, HitCounts, PoseError, Scan, VolumeAccount};
 use crate::time::{Mono, Stamp};
 use nalgebra::{Matrix6, Vector3};
@@ -65,8 +66,10 @@ pub struct Mapper {
     grid: GridMap,
     field: Option<FieldMap>,
     bays: Bays,
-    /// Hits below this are not surface, m.
-    lowest_m: f64,
+    /// The lowest base, m over the hall floor.
+    floor_m: f64,
+    /// How far away material has answered.
+    reach: Reach,
     counts: HitCounts,
     on_grid: OnGrid,
     /// Every hit, if somebody wants them: not in flight.
@@ -109,12 +112,13 @@ impl Mapper {
         let geometry = settings.region.grid(settings.cell_m);
         let hall_base = BaseSurface::level(settings.base_height_m);
         let bays: Bays = Arc::new(settings.region.whole_and_bays_on(&geometry, &hall_base));
-        let lowest_m = bays[0].base.lowest_m().unwrap_or(settings.base_height_m);
+        let floor_m = bays[0].base.lowest_m().unwrap_or(settings.base_height_m);
         let grid = GridMap::new(settings.grid, &settings.region, geometry, Arc::clone(&bays));
         let field = (settings.method == Method::MaternField)
             .then(|| FieldMap::new(field_setup(&settings, &geometry, &bays)));
         Self {
-            lowest_m: lowest_m - settings.below_base_m,
+            floor_m,
+            reach: Reach::default(),
             settings,
             grid,
             field,
@@ -153,6 +157,7 @@ impl Mapper {
             let fate = match seen.and_then(|seen| Ok((seen, shared.as_ref().map_err(|f| *f)?))) {
                 Ok((seen, shared)) if self.is_material(&seen.hit) => {
                     self.grid.insert(&seen.hit, &self.settings.region);
+                    self.reach.take(beam.range_m.into());
                     self.on_grid.n_beams += 1;
                     self.on_grid.newest_at = self.on_grid.newest_at.max(Some(middle));
                     if let Some(kept) = &mut self.kept {
@@ -172,12 +177,31 @@ impl Mapper {
             *self.count_of(fate) += 1;
         }
         let patches = gather(&hits, self.settings.cell_m);
-        if let (Some(field), Ok(Some((error, hall_from_body)))) = (&mut self.field, shared)
-            && !patches.is_empty()
-        {
-            let passed_to_m = passing(&ends_elsewhere, self.settings.cell_m);
+        let Ok(Some((error, hall_from_body))) = shared else { return };
+        if patches.is_empty() {
+            return;
+        }
+        let mut passed_to_m = passing(&ends_elsewhere, self.settings.cell_m);
+        passed_to_m.extend(passing(&self.silent_ends(scan, pose_at), self.settings.cell_m));
+        if let Some(field) = &mut self.field {
             field.push(Footprint { error, hall_from_body, lidar_idx: 0, patches, passed_to_m });
         }
+    }
+
+    /// Where beams without an echo were at the reach of the LiDAR.
+    fn silent_ends(
+        &self,
+        scan: &Scan,
+        pose_at: impl Fn(Stamp<Mono>) -> Option<PoseWithCov>,
+    ) -> Vec<Point<Hall>> {
+        let Some(reach_m) = self.reach.range_m() else { return Vec::new() };
+        #[expect(clippy::cast_possible_truncation, reason = "as precise as beams are")]
+        let at_reach = |beam: &Beam| Beam { range_m: reach_m as f32, ..*beam };
+        silent_beams(scan)
+            .filter_map(|beam| self.hit(&at_reach(beam), || pose_at(scan.beam_at(beam))).ok())
+            .map(|seen| seen.hit.place)
+            .filter(|end| end.coords.z >= self.floor_m)
+            .collect()
     }
 
     /// What the beams of a turn share in the field: the pose at its middle and its error. Without
@@ -257,6 +281,7 @@ impl Mapper {
     pub fn restart(&mut self) {
         self.grid.restart();
         self.on_grid = OnGrid::default();
+        self.reach.restart();
         self.kept.iter_mut().for_each(Vec::clear);
         if let Some(field) = &mut self.field {
             field.restart();
@@ -321,7 +346,8 @@ impl Mapper {
     /// True if a hit can be of what is measured.
     fn is_material(&self, hit: &Hit) -> bool {
         let p = hit.place.coords;
-        let is_surface = (self.lowest_m..=self.settings.max_height_m).contains(&p.z);
+        let lowest_m = self.floor_m - self.settings.below_base_m;
+        let is_surface = (lowest_m..=self.settings.max_height_m).contains(&p.z);
         is_surface && self.settings.region.accepts(p.x, p.y) && !self.is_obstacle(&p)
     }
 

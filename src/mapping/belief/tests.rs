@@ -172,10 +172,10 @@ fn looks_part_a_patch_and_bring_known_ground_nearer() {
     let sure = Chance { open: 1.0, high: 1.0 };
     is(patches_m6(&[&known]), (9.0_f64 * 7.5).powi(2));
     // The middle column seen, three nodes to either side stay, each a step from seen ground as before; two
-    // patches, correlated by 0.3.
+    // patches, correlated by 0.1.
     let column: Vec<OpenNode> = [1, 4, 7].map(|k| nodes[k]).to_vec();
     let parted = look_at(&field, &column, sure);
-    is(patches_m6(&[&known, &parted]), (2.0 + 2.0 * 0.3) * (3.0_f64 * 7.5).powi(2));
+    is(patches_m6(&[&known, &parted]), (2.0 + 2.0 * 0.1) * (3.0_f64 * 7.5).powi(2));
     // The middle of the southern edge seen, one patch stays whose middle is one step from seen ground, not two. σ there
     // falls by (1 − r(1.25 m))/(1 − r(2.5 m)) with r(d) = κ d K₁(κ d), κ = √8/5: 0.268086/0.555657.
     let middle = 0.268_086_f64 / 0.555_657;
@@ -196,7 +196,7 @@ fn two_patches_of_the_map_at_one_node_stay_two() {
     let parts = [&known];
     let without_field = vec![0.0; field.lattice().n_nodes()];
     let patches_m6 = field.patches_m6(&parts, &field.unseen(&parts), &without_field);
-    let expected_m6 = 7.5_f64.powi(2) + 3.0_f64.powi(2) + 2.0 * 0.3 * 7.5 * 3.0;
+    let expected_m6 = 7.5_f64.powi(2) + 3.0_f64.powi(2) + 2.0 * 0.1 * 7.5 * 3.0;
     assert!((patches_m6 - expected_m6).abs() < 1e-9, "{patches_m6}, not {expected_m6}");
 }
 
@@ -226,7 +226,7 @@ fn without_a_map_patches_are_made_of_what_is_left() {
     let column: Vec<OpenNode> = [1, 4, 7].map(|k| nodes[k]).to_vec();
     let parted = look_at(&field, &column, Chance { open: 1.0, high: 1.0 });
     let (west_m3, east_m3) = (beside_m3(&[0, 3, 6]), beside_m3(&[2, 5, 8]));
-    let both_m6 = west_m3.powi(2) + east_m3.powi(2) + 2.0 * 0.3 * west_m3 * east_m3;
+    let both_m6 = west_m3.powi(2) + east_m3.powi(2) + 2.0 * 0.1 * west_m3 * east_m3;
     is(patches_m6(&[&seen, &parted]), both_m6);
 }
 

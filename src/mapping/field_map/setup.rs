@@ -5,7 +5,7 @@ use crate::mapping::bay::BayOnGrid;
 use crate::mapping::datum::Linearization;
 use crate::mapping::disturbance::{Flagged, Levels};
 use crate::mapping::footprint::Footprint;
-use crate::mapping::matern_field::Information;
+use crate::mapping::matern_field::{Information, Prior};
 use crate::mapping::ray_ceiling::RayCeiling;
 use crate::mapping::shares::SeenCells;
 use crate::mapping::unseen_patch::{Ground, VarBesideSeen};
@@ -90,8 +90,8 @@ impl Setup {
     }
 
     /// The variance of every node by its distance to known ones, m².
-    pub(super) fn var_beside_m2(&self, is_known: &[bool]) -> Vec<f64> {
-        let beside = VarBesideSeen::new(&self.settings.prior(), self.lattice.spacing_m());
+    pub(super) fn var_beside_m2(&self, prior: &Prior, is_known: &[bool]) -> Vec<f64> {
+        let beside = VarBesideSeen::new(prior, self.lattice.spacing_m());
         beside.on(&self.lattice, is_known)
     }
 

@@ -9,8 +9,9 @@ use crate::mapping::gaps::{Gap, gaps};
 use crate::mapping::grid_map::Bays;
 use crate::mapping::hidden_ground::HiddenGround;
 use crate::mapping::left_out::{self, LeftOut};
-use crate::mapping::matern_field::{self, FieldError, Information, Solution, Solver};
+use crate::mapping::matern_field::{self, FieldError, Information, Prior, Solution, Solver};
 use crate::mapping::ray_ceiling::RayCeiling;
+use crate::mapping::relief::{HIDDEN_TO_SEEN, relief_ratio};
 use crate::mapping::roughness::Residuals;
 use crate::mapping::surface_work::{KnownHeights, SolvedSurface};
 use crate::mapping::unseen_patch::{self, OpenNode, UnseenGround};
@@ -40,6 +41,8 @@ struct Data {
 
 /// One solution.
 struct Round {
+    /// What was expected of the ground.
+    prior: Prior,
     solution: Solution,
     data: Data,
     /// The surface whose slopes the data were linearised with.
@@ -59,6 +62,8 @@ const FINAL_SWEEPS: usize = 8;
 const SETTLED_SIGMAS: f64 = 0.05;
 /// Exact variances of more nodes than this take gigabytes: 500 × 500.
 const MOST_NODES_FINAL: usize = 250_000;
+/// Ground is not taken to be rougher than so many times what is configured.
+const MOST_RELIEF: f64 = 1.5;
 /// A node rests on data, and may judge outliers, from this much of a patch on.
 const KNOWN_FROM_PATCHES: f64 = 0.5;
 
@@ -106,7 +111,7 @@ impl SolveField {
                 continue;
             }
             let data = self.gather(turns, &at, Some(&left_out.contains));
-            let without = self.solution(&data.info, &full.hidden, Some(newest))?;
+            let without = self.solution(&full.prior, &data.info, &full.hidden, Some(newest))?;
             let Some(var_m2) = self.var_m2(&without) else { return Ok(1.0) };
             z.extend(left_out.middles.iter().map(|&node| {
                 let off_m = newest.heights_m[node] - without.height_m()[node];
@@ -144,9 +149,10 @@ impl SolveField {
         let mut hidden = before.map_or_else(HiddenGround::default, |before| {
             before.hidden.among(|node| ceiling(node).is_some())
         });
+        let prior = self.prior(before);
         let mut sweep = 1;
         loop {
-            let solution = self.solution(&data.info, &hidden, before)?;
+            let solution = self.solution(&prior, &data.info, &hidden, before)?;
             let var_m2 = self.var_m2(&solution);
             let (next, step) = match &var_m2 {
                 Some(var_m2) => hidden.renewed(solution.height_m(), var_m2, ceiling),
@@ -156,13 +162,16 @@ impl SolveField {
                 let scatter_m = data.residuals.scatter_m().or(before.and_then(|b| b.scatter_m));
                 let newest = NewestField {
                     heights_m: solution.height_m().to_vec(),
-                    var_m2: var_m2.clone().unwrap_or_else(|| setup.var_beside_m2(&is_known)),
+                    var_m2: var_m2
+                        .clone()
+                        .unwrap_or_else(|| setup.var_beside_m2(&prior, &is_known)),
                     is_known,
                     scatter_m,
                     hidden: next,
                     adjoints_m2: before.map_or_else(Vec::new, |b| b.adjoints_m2.clone()),
                 };
                 return Ok(Round {
+                    prior,
                     solution,
                     data,
                     before: before.cloned(),
@@ -176,9 +185,21 @@ impl SolveField {
         }
     }
 
+    /// What is expected of ground that is hidden, by what the surface before shows of it.
+    fn prior(&self, before: Option<&NewestField>) -> Prior {
+        let prior = self.setup.settings.prior();
+        let ratio = before.map_or(1.0, |before| {
+            let seen =
+                relief_ratio(&self.setup.lattice, &prior, &before.heights_m, &before.is_known);
+            (HIDDEN_TO_SEEN * seen).min(MOST_RELIEF)
+        });
+        Prior { sigma_m: ratio * prior.sigma_m, ..prior }
+    }
+
     /// The field given the data and what is known of hidden ground.
     fn solution(
         &self,
+        prior: &Prior,
         info: &Information,
         hidden: &HiddenGround,
         before: Option<&NewestField>,
@@ -189,7 +210,7 @@ impl SolveField {
         let solver = if is_large && !self.is_final { Solver::LIVE } else { Solver::Automatic };
         matern_field::solve(
             &self.setup.lattice,
-            &self.setup.settings.prior(),
+            prior,
             &info,
             solver,
             before.map(|before| before.heights_m.as_slice()),

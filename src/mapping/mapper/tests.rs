@@ -111,6 +111,50 @@ fn the_papers_grid_counts_its_base_unless_it_adds_as_printed() {
 }
 
 #[test]
+fn silent_beams_pass_over_what_lies_low() {
+    let mut mapper = Mapper::new(settings(Method::MaternField));
+    // Level at 1.2 m as far as 5 m away under the LiDAR, 4 m over it, so echoes come from 6.3 m at most.
+    let pose = Transform::new(Rotation::identity(), Point::new(3.0, 0.5, 5.2));
+    let scan = |n_beams: u8, range_m: &dyn Fn(f32) -> f32| Scan {
+        start: Stamp::ZERO,
+        beams: (0..n_beams)
+            .map(|k| 0.0125 * f32::from(k))
+            .map(|angle_rad| Beam {
+                offset_ns: 0,
+                angle_rad,
+                range_m: range_m(angle_rad),
+                intensity: 1,
+            })
+            .collect(),
+    };
+    let mut passed = |scan: &Scan| {
+        mapper.insert(scan, |_| Some((pose, Matrix6::identity() * 1e-6)), pose_error);
+        mapper.turns().last().expect("a turn").passed_to_m.clone()
+    };
+    let level = |angle_rad: f32| 4.0 / angle_rad.cos();
+    let seen = scan(91, &|angle_rad| if angle_rad < 0.9 { level(angle_rad) } else { 0.0 });
+    assert!(passed(&seen).is_empty(), "no reach is known");
+    (0..40).for_each(|_| assert!(passed(&seen).len() < 60));
+    let ends = passed(&seen);
+    // From 51.6° on nothing answers. The farthest echo is from 4/cos 0.8875 = 6.34 m: at the step of 0.1 m below it the ends
+    // make an arc around the LiDAR, without its first two beams.
+    assert!(!ends.is_empty());
+    for end in &ends {
+        let [dx, dy, dz] = [end[0] - 3.0, end[1] - 0.5, end[2] - 5.2];
+        assert!(dx.abs() < 1e-5 && (dx.hypot(dy).hypot(dz) - 6.3).abs() < 1e-3, "{end:?}");
+        let angle_rad = dy.atan2(-dz).abs();
+        assert!((0.92..1.14).contains(&angle_rad), "{angle_rad}");
+    }
+    // Three silent beams in a row may be lost ones.
+    let is_lost = |angle_rad: f32| (0.495..0.53).contains(&angle_rad);
+    let three_lost = scan(72, &|angle_rad| if is_lost(angle_rad) { 0.0 } else { level(angle_rad) });
+    assert!(passed(&three_lost).is_empty());
+    // Steep ones that would have met the floor are, however many.
+    let steep = scan(72, &|angle_rad| if angle_rad < 0.3 { 0.0 } else { level(angle_rad) });
+    assert!(passed(&steep).is_empty());
+}
+
+#[test]
 fn every_beam_is_counted_once() {
     let mut mapper = Mapper::new(settings(Method::KalmanGrid));
     let beam = |angle_rad, range_m| Beam { offset_ns: 0, angle_rad, range_m, intensity: 0 };
