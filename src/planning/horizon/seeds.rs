@@ -14,6 +14,13 @@ const N_BEST: usize = 4;
 const MOST_LEGS: u32 = 5;
 /// Legs of those that are looked at in flight.
 const MOST_LEGS_AGAIN: u32 = 3;
+/// Places in a line at which paths turn on the spot, and of those that are looked at in flight.
+const MOST_TURNS: u32 = 4;
+const MOST_TURNS_AGAIN: u32 = 3;
+/// Where these lines lie, as shares of the extent across.
+const TURN_LINES: [f64; 3] = [0.3, 0.5, 0.7];
+/// The scan plane sweeps over all around in half a turn; a little less, for which way round must not be left to rounding.
+const HALF_TURN_RAD: f64 = 0.97 * PI;
 /// Margins at the ends of the legs, as shares of the extent.
 const MARGINS: [f64; 3] = [0.0, 0.15, 0.3];
 /// Single legs lead to a grid of this many places each way.
@@ -21,13 +28,15 @@ const N_PLACES: u32 = 5;
 /// Turns on the way there, which neighbouring places share out, rad.
 const TURNS_RAD: [[f64; 2]; 2] = [[0.0, FRAC_PI_2], [-FRAC_PI_2, 0.95 * PI]];
 
-/// The best square waves and single legs of all.
+/// The best square waves, single legs and turns in a line of all.
 pub(super) fn best_of_all(scene: &mut Scene<'_>) -> Vec<Path> {
     let mut best = Vec::new();
     let legs = single_legs(scene);
     keep_shortest_parts(scene, legs, &mut best);
     let waves = square_waves(scene, MOST_LEGS, &MARGINS);
     keep_shortest_parts(scene, waves, &mut best);
+    let turns = turns_in_line(scene, MOST_TURNS);
+    keep_shortest_parts(scene, turns, &mut best);
     best
 }
 
@@ -39,8 +48,8 @@ pub(super) fn best_square_wave(scene: &mut Scene<'_>) -> Option<Path> {
     best.into_iter().next()
 }
 
-/// The rest of the present plan, and single legs in case that something new came up; while little is known, short
-/// square waves as well.
+/// The rest of the present plan, and single legs in case that something new came up; while little is known, turns in a
+/// line and short square waves as well.
 pub(super) fn around_present(scene: &mut Scene<'_>, current: &[Waypoint]) -> Vec<Path> {
     let mut best = Vec::new();
     // Ways around something may have come in since it was made.
@@ -58,6 +67,8 @@ pub(super) fn around_present(scene: &mut Scene<'_>, current: &[Waypoint]) -> Vec
         }
     }
     if scene.is_far_from_target() {
+        let turns = turns_in_line(scene, MOST_TURNS_AGAIN);
+        keep_shortest_parts(scene, turns, &mut best);
         let waves = square_waves(scene, MOST_LEGS_AGAIN, &MARGINS[1..]);
         keep_shortest_parts(scene, waves, &mut best);
     }
@@ -171,6 +182,61 @@ impl Shape {
                 let place = Point::new(x, y, settings.height_m);
                 waypoints.push(Waypoint { place, yaw_rad });
             }
+        }
+        waypoints
+    }
+}
+
+/// Along the middle of the hall or beside it, turning on the spot at places at equal distances.
+fn turns_in_line(scene: &Scene<'_>, most_places: u32) -> Vec<Vec<Waypoint>> {
+    let mut lines = Vec::new();
+    for n_places in 1..=most_places {
+        for across_share in TURN_LINES {
+            for is_along_x in [true, false] {
+                for is_backwards in [false, true] {
+                    if n_places == 1 && is_backwards {
+                        continue;
+                    }
+                    let line = TurnLine { n_places, across_share, is_along_x, is_backwards };
+                    lines.push(line.waypoints(scene));
+                }
+            }
+        }
+    }
+    lines
+}
+
+/// Places in a line.
+struct TurnLine {
+    n_places: u32,
+    across_share: f64,
+    is_along_x: bool,
+    is_backwards: bool,
+}
+
+impl TurnLine {
+    fn waypoints(&self, scene: &Scene<'_>) -> Vec<Waypoint> {
+        let settings = &scene.request.settings;
+        let Rect { x_min_m, y_min_m, x_max_m, y_max_m } = settings.bounds;
+        let across_share = self.across_share;
+        let mut waypoints = Vec::new();
+        let mut yaw_rad = scene.start.yaw_rad;
+        for k in 0..self.n_places {
+            let nth = if self.is_backwards { self.n_places - 1 - k } else { k };
+            let along_share = (f64::from(nth) + 0.5) / f64::from(self.n_places);
+            let (x_share, y_share) = if self.is_along_x {
+                (along_share, across_share)
+            } else {
+                (across_share, along_share)
+            };
+            let x_m = x_min_m + x_share * (x_max_m - x_min_m);
+            let y_m = y_min_m + y_share * (y_max_m - y_min_m);
+            let place = Point::new(x_m, y_m, settings.height_m);
+            let line_yaw_rad = if self.is_along_x { 0.0 } else { FRAC_PI_2 };
+            yaw_rad = nearest_heading(line_yaw_rad, yaw_rad);
+            waypoints.push(Waypoint { place, yaw_rad });
+            yaw_rad = wrapped_rad(yaw_rad + HALF_TURN_RAD);
+            waypoints.push(Waypoint { place, yaw_rad });
         }
         waypoints
     }
