@@ -1,7 +1,7 @@
 //! How well the field bridges gaps between known ground, tried on known ground: squares left out and
 //! predicted.
 //!
-//! How uncertain a gap is follows from the configured σ of the material, not from the data beside it.
+//! How uncertain a gap is follows from the σ of the field, which is that of hidden ground ([`super::relief`]).
 //! So squares of known nodes, as near to gaps as can be, are left out; how far the prediction misses
 //! them, in its own σ, says how far the configured σ misses the ground:
 //!
@@ -11,7 +11,7 @@
 //! - `h`, `V`: height and its variance with all data, m, m²; `n₀`: what the configured σ counts for
 //!
 //! This speaks for gaps of a few nodes. Ground that is hidden is not like the ground beside it: it lies
-//! behind crests. There the configured σ stays.
+//! behind crests. There the σ of the field stays.
 //! Checked: `squares_are_known_apart_and_beside_the_gaps`; in whole by
 //! `smooth_ground_bridges_its_gaps_better` of `field_map`.
 

@@ -182,13 +182,15 @@ impl Mapper {
             return;
         }
         let mut passed_to_m = passing(&ends_elsewhere, self.settings.cell_m);
-        passed_to_m.extend(passing(&self.silent_ends(scan, pose_at), self.settings.cell_m));
+        // They make arcs far away, where rays are to be told apart by whole cells; a long flight has many of them.
+        let apart_m = 2.0 * self.settings.cell_m;
+        passed_to_m.extend(passing(&self.silent_ends(scan, pose_at), apart_m));
         if let Some(field) = &mut self.field {
             field.push(Footprint { error, hall_from_body, lidar_idx: 0, patches, passed_to_m });
         }
     }
 
-    /// Where beams without an echo were at the reach of the LiDAR.
+    /// Where beams without an echo were at the reach of the LiDAR, of those that passed over places where ground can be.
     fn silent_ends(
         &self,
         scan: &Scan,
@@ -200,7 +202,7 @@ impl Mapper {
         silent_beams(scan)
             .filter_map(|beam| self.hit(&at_reach(beam), || pose_at(scan.beam_at(beam))).ok())
             .map(|seen| seen.hit.place)
-            .filter(|end| end.coords.z >= self.floor_m)
+            .filter(|end| (self.floor_m..self.settings.max_height_m).contains(&end.coords.z))
             .collect()
     }
 

@@ -38,8 +38,10 @@ impl Geometry {
             }
         };
         let turned_deg = match self {
+            // Nothing came back from as far as the beam reaches: farther than the optics bend it by any more.
             Self::Triangle if range_mm > 0.0 => head_deg + correction_deg(range_mm),
-            _ => head_deg,
+            Self::Triangle => head_deg + correction_deg(f64::MAX),
+            Self::TimeOfFlight => head_deg,
         };
         Sample {
             clockwise_deg: wrapped_deg(turned_deg) as f32,
@@ -64,7 +66,7 @@ pub(super) enum Distance {
 /// atan(21.8 · (155.3 − d) / (155.3 · d))        d in mm
 /// ```
 fn correction_deg(range_mm: f64) -> f64 {
-    let tangent = BASE_MM * (FOCUS_MM - range_mm) / (FOCUS_MM * range_mm);
+    let tangent = BASE_MM * (1.0 / range_mm - 1.0 / FOCUS_MM);
     arc_of(tangent).to_degrees()
 }
 
@@ -113,5 +115,8 @@ mod tests {
         let sample = Geometry::Triangle.sample(2.0, Distance::Whole(4000), 0);
         assert!((f64::from(sample.clockwise_deg) - (362.0 - 6.76)).abs() < 0.01);
         assert!((sample.range_m - 1.0).abs() < 1e-6);
+        // atan(−21.8/155.3) = −7.99°: beside its neighbours that see something far away.
+        let silent = Geometry::Triangle.sample(20.0, Distance::Whole(0), 0);
+        assert!((f64::from(silent.clockwise_deg) - (20.0 - 7.99)).abs() < 0.01);
     }
 }

@@ -84,8 +84,8 @@ impl Setup {
 
     /// What a node's own data leave of the prior's variance, m²: too little where neighbours know
     /// more. The volumes do not depend on it.
-    pub(super) fn own_var_m2(&self, info: &Information) -> Vec<f64> {
-        let prior_info = self.settings.sigma_m.powi(-2);
+    pub(super) fn own_var_m2(prior: &Prior, info: &Information) -> Vec<f64> {
+        let prior_info = prior.sigma_m.powi(-2);
         (0..info.n_nodes()).map(|node| 1.0 / (prior_info + info.info_per_m2(node))).collect()
     }
 

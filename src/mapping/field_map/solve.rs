@@ -11,7 +11,7 @@ use crate::mapping::hidden_ground::HiddenGround;
 use crate::mapping::left_out::{self, LeftOut};
 use crate::mapping::matern_field::{self, FieldError, Information, Prior, Solution, Solver};
 use crate::mapping::ray_ceiling::RayCeiling;
-use crate::mapping::relief::{HIDDEN_TO_SEEN, relief_ratio};
+use crate::mapping::relief::relief_ratio;
 use crate::mapping::roughness::Residuals;
 use crate::mapping::surface_work::{KnownHeights, SolvedSurface};
 use crate::mapping::unseen_patch::{self, OpenNode, UnseenGround};
@@ -62,8 +62,6 @@ const FINAL_SWEEPS: usize = 8;
 const SETTLED_SIGMAS: f64 = 0.05;
 /// Exact variances of more nodes than this take gigabytes: 500 × 500.
 const MOST_NODES_FINAL: usize = 250_000;
-/// Ground is not taken to be rougher than so many times what is configured.
-const MOST_RELIEF: f64 = 1.5;
 /// A node rests on data, and may judge outliers, from this much of a patch on.
 const KNOWN_FROM_PATCHES: f64 = 0.5;
 
@@ -185,13 +183,14 @@ impl SolveField {
         }
     }
 
-    /// What is expected of ground that is hidden, by what the surface before shows of it.
+    /// What is expected of the ground, by what the surface before shows of that which counts.
     fn prior(&self, before: Option<&NewestField>) -> Prior {
-        let prior = self.setup.settings.prior();
+        let (setup, prior) = (&self.setup, self.setup.settings.prior());
         let ratio = before.map_or(1.0, |before| {
-            let seen =
-                relief_ratio(&self.setup.lattice, &prior, &before.heights_m, &before.is_known);
-            (HIDDEN_TO_SEEN * seen).min(MOST_RELIEF)
+            let counts = setup.counts();
+            let is_shown: Vec<bool> =
+                std::iter::zip(&before.is_known, counts).map(|(a, b)| *a && b).collect();
+            relief_ratio(&setup.lattice, &prior, &before.heights_m, &is_shown)
         });
         Prior { sigma_m: ratio * prior.sigma_m, ..prior }
     }
@@ -301,7 +300,8 @@ impl SolveField {
                 bay.account(self.at, (volume_m3, &mean_m), budget, &seen, range_m)
             })
             .collect();
-        let var_m2 = round.var_m2.unwrap_or_else(|| setup.own_var_m2(&round.data.info));
+        let var_m2 =
+            round.var_m2.unwrap_or_else(|| Setup::own_var_m2(&round.prior, &round.data.info));
         let sigma_m = setup.lattice.on_cells(&var_m2).iter().map(|var| var.sqrt()).collect();
         let grid = *setup.lattice.grid();
         let coverage = seen.coverage(range_m);

@@ -134,7 +134,7 @@ fn silent_beams_pass_over_what_lies_low() {
     let level = |angle_rad: f32| 4.0 / angle_rad.cos();
     let seen = scan(91, &|angle_rad| if angle_rad < 0.9 { level(angle_rad) } else { 0.0 });
     assert!(passed(&seen).is_empty(), "no reach is known");
-    (0..40).for_each(|_| assert!(passed(&seen).len() < 60));
+    (0..40).for_each(|_| drop(passed(&seen)));
     let ends = passed(&seen);
     // From 51.6° on nothing answers. The farthest echo is from 4/cos 0.8875 = 6.34 m: at the step of 0.1 m below it the ends
     // make an arc around the LiDAR, without its first two beams.
@@ -145,10 +145,12 @@ fn silent_beams_pass_over_what_lies_low() {
         let angle_rad = dy.atan2(-dz).abs();
         assert!((0.92..1.14).contains(&angle_rad), "{angle_rad}");
     }
-    // Three silent beams in a row may be lost ones.
-    let is_lost = |angle_rad: f32| (0.495..0.53).contains(&angle_rad);
-    let three_lost = scan(72, &|angle_rad| if is_lost(angle_rad) { 0.0 } else { level(angle_rad) });
-    assert!(passed(&three_lost).is_empty());
+    // A few silent beams in a row may be lost ones, more are not: at 0.7 rad the end lies 0.38 m over the floor.
+    for (n_silent, n_ends) in [(4_u8, 0), (5, 1)] {
+        let lost = 0.699..0.699 + 0.0125 * f32::from(n_silent);
+        let scan = scan(72, &|a| if lost.contains(&a) { 0.0 } else { level(a) });
+        assert_eq!(passed(&scan).len(), n_ends, "{n_silent} silent beams");
+    }
     // Steep ones that would have met the floor are, however many.
     let steep = scan(72, &|angle_rad| if angle_rad < 0.3 { 0.0 } else { level(angle_rad) });
     assert!(passed(&steep).is_empty());

@@ -5,7 +5,7 @@ use super::prior::Prior;
 use crate::mapping::sparse_cholesky::{Analysis, CholeskyError};
 use crate::messages::GridGeometry;
 use std::collections::BTreeMap;
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 /// A direction on the lattice as a bit of [`Lattice::links`].
 pub(super) const EAST: u8 = 1;
@@ -27,7 +27,7 @@ const PARTS: usize = 8;
 /// ```
 /// Walls cut links: between two nodes with a wall in between the field has no direct bond, and
 /// an observation gives no weight to nodes behind a wall.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct Lattice {
     grid: GridGeometry,
     n_pad: usize,
@@ -40,8 +40,20 @@ pub struct Lattice {
     cut_squares: BTreeMap<usize, [u8; PARTS * PARTS]>,
     /// The factor's pattern, found at the first exact solve: it depends on the extent alone.
     analysis: OnceLock<Arc<Analysis>>,
-    /// The first prior that was solved for; a flight has one.
-    prepared: OnceLock<Arc<PreparedPrior>>,
+    /// The newest prior that was solved for: it changes little by little in a flight.
+    prepared: Mutex<Option<Arc<PreparedPrior>>>,
+}
+
+impl Clone for Lattice {
+    fn clone(&self) -> Self {
+        Self {
+            links: self.links.clone(),
+            cut_squares: self.cut_squares.clone(),
+            analysis: self.analysis.clone(),
+            prepared: Mutex::new(self.newest_prepared().clone()),
+            ..*self
+        }
+    }
 }
 
 impl PartialEq for Lattice {
@@ -115,7 +127,7 @@ impl Lattice {
             links: vec![0; n_cols * n_rows],
             cut_squares: BTreeMap::new(),
             analysis: OnceLock::new(),
-            prepared: OnceLock::new(),
+            prepared: Mutex::new(None),
         };
         for node in 0..lattice.n_nodes() {
             lattice.tie(node, &stand_in, &separates);
@@ -321,14 +333,20 @@ impl Lattice {
         &self.links
     }
 
-    /// What follows from the prior, kept for the first one that is asked for.
+    /// What follows from the prior, kept for the newest one that was asked for.
     pub(super) fn prepared(&self, prior: &Prior) -> Arc<PreparedPrior> {
-        let first = self.prepared.get_or_init(|| Arc::new(PreparedPrior::new(self, prior)));
-        if first.prior == *prior {
-            Arc::clone(first)
-        } else {
-            Arc::new(PreparedPrior::new(self, prior))
+        let newest = self.newest_prepared().clone();
+        if let Some(newest) = newest.filter(|newest| newest.prior == *prior) {
+            return newest;
         }
+        let prepared = Arc::new(PreparedPrior::new(self, prior));
+        *self.newest_prepared() = Some(Arc::clone(&prepared));
+        prepared
+    }
+
+    fn newest_prepared(&self) -> MutexGuard<'_, Option<Arc<PreparedPrior>>> {
+        // It is only ever replaced as a whole.
+        self.prepared.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// The factor's pattern, found once and kept.

@@ -1,4 +1,4 @@
-//! What follows from lattice and prior alone, computed once a flight and shared by its solves.
+//! What follows from lattice and prior alone, computed once and shared by the solves that have both.
 
 use super::lattice::Lattice;
 use super::multigrid::{self, Frame};

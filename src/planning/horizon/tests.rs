@@ -170,15 +170,21 @@ fn the_search_is_never_worse_than_its_best_seed() {
 }
 
 #[test]
-fn more_effort_looks_at_more_paths_and_finds_none_that_is_worse() {
+fn more_effort_looks_at_more_paths_and_finds_better_ones() {
+    // Changes are random: a single search may be lucky.
     let found = |search_effort| {
-        let request = request(Settings { search_effort, ..settings() }, Vec::new());
-        let mut scene = Scene::new(&request).expect("a scene");
-        let best = scene.best(1.0).expect("a path");
-        (scene.n_looked_at, best.score)
+        let of_seed = |seed| {
+            let settings = Settings { search_effort, seed, ..settings() };
+            let request = request(settings, Vec::new());
+            let mut scene = Scene::new(&request).expect("a scene");
+            let best = scene.best(1.0).expect("a path");
+            (scene.n_looked_at, best.score)
+        };
+        let of_seeds = (0..4).map(of_seed);
+        of_seeds.fold((0, 0.0), |sum, found| (sum.0 + found.0, sum.1 + found.1))
     };
     let (little, much) = (found(0.05), found(0.4));
-    assert!(much.0 > little.0 + 100 && much.1 <= little.1, "{little:?}, {much:?}");
+    assert!(much.0 > little.0 + 400 && much.1 < little.1, "{little:?}, {much:?}");
 }
 
 #[test]
