@@ -285,7 +285,7 @@ fn ground_that_the_survey_missed_is_no_part_of_its_level() {
     let n_known = half.height_m.iter().filter(|height_m| height_m.is_finite()).count();
     assert!((40..75).contains(&n_known), "{n_known} of 100");
     // Half the flight averages half as many errors of the pose; the prior of unseen ground would make
-    // it tens of times as much.
+    // it tens of times as much. Less of the floor also tells less of how smooth it is: some per cent either way.
     let ratio = half.shared_sigma_m / whole.shared_sigma_m;
-    assert!((1.0..2.0).contains(&ratio), "{ratio}");
+    assert!((0.9..2.0).contains(&ratio), "{ratio}");
 }
