@@ -10,10 +10,10 @@
 //! ```
 //! - `R`, `r`: Matérn correlation among the eight, and with the middle; `σ`: configured, m
 //! - `n`: nodes that are predicted, `m`: how many of them tell the same; `n₀`: what the configured σ counts for
-//! - `H`: ground is hidden behind crests, and is rougher than what is seen: [`HIDDEN_TO_SEEN`]
+//! - `H`: ground is hidden behind crests, and is rougher than what is seen: `HIDDEN_TO_SEEN`
 //!
 //! A floor that is bare over large parts tells of no heap, and a cut face may be steeper than all that is seen: `a` has a
-//! least value ([`LEAST`]).
+//! least value (`LEAST`).
 //! Source: ordinary kriging, Cressie 1993, §3.2. Checked: `drawn_fields_have_the_ratio_of_their_sigma`,
 //! `ground_beyond_a_wall_does_not_count`, `bare_floor_and_what_is_no_number_do_not_make_it_sure`; in whole by campaigns of the
 //! simulator.
@@ -39,7 +39,7 @@ const CONFIGURED_COUNTS: f64 = 20.0;
 const AROUND: [[i32; 2]; 8] =
     [[1, 0], [0, 1], [-1, 0], [0, -1], [1, 1], [-1, 1], [1, -1], [-1, -1]];
 
-/// The ratio `a` of these heights, where they are known, between [`LEAST`] and [`MOST`]: 1 where nothing is.
+/// The ratio `a` of these heights, where they are known, between `LEAST` and `MOST`: 1 where nothing is.
 #[must_use]
 #[expect(clippy::cast_precision_loss, reason = "far less than 2^53 nodes")]
 pub fn relief_ratio(lattice: &Lattice, prior: &Prior, heights_m: &[f64], is_known: &[bool]) -> f64 {

@@ -8,7 +8,7 @@
 //!       seen
 //! ```
 //! Ground behind a crest or far away is often seen by no ray that ends on something behind it. What lies high there would
-//! have answered; so what stays silent is low, and a field that does not know that takes it to be too high: by 0.1 to 0.6 m
+//! have answered; so what stays silent is low, and a field that does not know that takes it to be too high: by 0.1 to 0.8 m
 //! in the far corners of the simulated alps.
 //!
 //! Silence can have other causes, so it counts only
