@@ -134,8 +134,9 @@ impl SolveField {
             .map(|node| data.info.n_hits(node) >= KNOWN_FROM_PATCHES)
             .collect();
         let is_hidden = setup.lattice.far_from(&is_known);
+        let counts = setup.counts();
         let ceilings = if self.affords_var() {
-            self.ceiling.over_hidden(&setup.lattice, &is_hidden, &setup.counts())
+            self.ceiling.over_hidden(&setup.lattice, &is_hidden, &counts)
         } else {
             vec![None; setup.lattice.n_nodes()]
         };
@@ -147,7 +148,7 @@ impl SolveField {
         let mut hidden = before.map_or_else(HiddenGround::default, |before| {
             before.hidden.among(|node| ceiling(node).is_some())
         });
-        let prior = self.prior(before);
+        let prior = self.prior(before, &counts);
         let mut sweep = 1;
         loop {
             let solution = self.solution(&prior, &data.info, &hidden, before)?;
@@ -184,12 +185,11 @@ impl SolveField {
     }
 
     /// What is expected of the ground, by what the surface before shows of that which counts.
-    fn prior(&self, before: Option<&NewestField>) -> Prior {
+    fn prior(&self, before: Option<&NewestField>, counts: &[bool]) -> Prior {
         let (setup, prior) = (&self.setup, self.setup.settings.prior());
         let ratio = before.map_or(1.0, |before| {
-            let counts = setup.counts();
             let is_shown: Vec<bool> =
-                std::iter::zip(&before.is_known, counts).map(|(a, b)| *a && b).collect();
+                std::iter::zip(&before.is_known, counts).map(|(a, b)| *a && *b).collect();
             relief_ratio(&setup.lattice, &prior, &before.heights_m, &is_shown)
         });
         Prior { sigma_m: ratio * prior.sigma_m, ..prior }
