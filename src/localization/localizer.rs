@@ -316,16 +316,17 @@ impl Localizer {
             .filter(|previous| self.began_at.is_none_or(|began| *previous > began))
             .and_then(|previous| ring.error_transition(previous, at))
             .unwrap_or_else(Covariance::zeros);
+        let tags = state.places.as_ref().map_or_else(
+            || self.tag_sensitivities(&state.hall_from_body),
+            |places| places.sensitivities(),
+        );
         Some(PoseError {
             at,
             cov: state.P,
             from_previous,
             velocity_mps: state.velocity_mps,
             rate_radps,
-            tags: state.places.as_ref().map_or_else(
-                || self.tag_sensitivities(&state.hall_from_body),
-                |places| places.sensitivities(),
-            ),
+            tags: tags.iter().map(TagSensitivity::to_single).collect(),
         })
     }
 

@@ -173,7 +173,7 @@ impl Sums {
             if self.tags.len() <= tag.tag_idx {
                 self.tags.resize(tag.tag_idx + 1, Vector3::zeros());
             }
-            self.tags[tag.tag_idx] += tag.pose_by_place.tr_mul(s_pose);
+            self.tags[tag.tag_idx] += tag.pose_by_place.cast::<f64>().tr_mul(s_pose);
         }
     }
 

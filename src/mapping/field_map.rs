@@ -134,7 +134,6 @@ impl FieldMap {
         // Thousands of turns stay: what the lists have grown into and do not use would double them.
         footprint.patches.shrink_to_fit();
         footprint.passed_to_m.shrink_to_fit();
-        footprint.error.tags.shrink_to_fit();
         self.footprints.push(Arc::new(footprint));
     }
 

@@ -88,29 +88,38 @@ pub struct PoseError {
     pub velocity_mps: Vector3<f64>,
     /// Angular velocity in body axes with the bias removed, rad/s.
     pub rate_radps: Vector3<f64>,
-    /// What an error in the place of each tag does to the pose.
-    pub tags: Vec<TagSensitivity>,
+    /// What an error in the place of each tag does to the pose. In single precision, which is far
+    /// finer than the places are known: thousands of turns keep it, and it is most of them.
+    pub tags: Vec<TagSensitivity<f32>>,
 }
 
 impl PoseError {
     /// True if every number is finite.
     #[must_use]
     pub fn is_finite(&self) -> bool {
-        let of_tags = self.tags.iter().flat_map(|tag| tag.pose_by_place.iter());
+        let mut of_tags = self.tags.iter().flat_map(|tag| tag.pose_by_place.iter());
         let motion = self.velocity_mps.iter().chain(&self.rate_radps);
-        let mut numbers = self.cov.iter().chain(&self.from_previous).chain(motion).chain(of_tags);
-        numbers.all(|c| c.is_finite())
+        let mut numbers = self.cov.iter().chain(&self.from_previous).chain(motion);
+        numbers.all(|c| c.is_finite()) && of_tags.all(|c| c.is_finite())
     }
 }
 
 /// What an error in the mapped place of one tag does to the pose.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TagSensitivity {
+pub struct TagSensitivity<T = f64> {
     /// Number of the tag in the order of the marker map; points that belong to no tag follow.
     pub tag_idx: usize,
     /// Derivative of the pose (position in hall axes, attitude in body axes) by the tag's place
     /// in the hall, 6×3.
-    pub pose_by_place: Matrix6x3<f64>,
+    pub pose_by_place: Matrix6x3<T>,
+}
+
+impl TagSensitivity {
+    /// The same in single precision.
+    #[must_use]
+    pub fn to_single(&self) -> TagSensitivity<f32> {
+        TagSensitivity { tag_idx: self.tag_idx, pose_by_place: self.pose_by_place.cast() }
+    }
 }
 
 /// What became of one attempt to fuse a measurement.

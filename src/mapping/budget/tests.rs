@@ -157,7 +157,7 @@ fn footprint(turn: usize, wrong: &Wrong) -> Footprint {
             tags: (0..N_TAGS)
                 .map(|tag_idx| TagSensitivity {
                     tag_idx,
-                    pose_by_place: tag_sensitivity(turn, tag_idx),
+                    pose_by_place: tag_sensitivity(turn, tag_idx).cast(),
                 })
                 .collect(),
         },
