@@ -104,6 +104,8 @@ type SharedByTurn = (PoseError, Transform<Hall, Body>);
 
 /// Padding of the field around the region, in practical ranges.
 const PADDING_RANGES: f64 = 1.0;
+/// Level σ that a hit must be inside the region's border.
+const BORDER_SIGMAS: f64 = 3.0;
 
 impl Mapper {
     /// A map at its prior.
@@ -350,7 +352,16 @@ impl Mapper {
         let p = hit.place.coords;
         let lowest_m = self.floor_m - self.settings.below_base_m;
         let is_surface = (lowest_m..=self.settings.max_height_m).contains(&p.z);
-        is_surface && self.settings.region.accepts(p.x, p.y) && !self.is_obstacle(&p)
+        is_surface
+            && self.settings.region.accepts(p.x, p.y, self.border_m(hit))
+            && !self.is_obstacle(&p)
+    }
+
+    /// How far inside the region a hit must be so that it is not of the wall at the border, m: noise brings
+    /// hits of the wall's face into the region, and they lie at any height. Half a cell is left to it.
+    fn border_m(&self, hit: &Hit) -> f64 {
+        let level_var_m2 = hit.cov_m2[(0, 0)].max(hit.cov_m2[(1, 1)]);
+        (BORDER_SIGMAS * level_var_m2.sqrt()).min(0.5 * self.settings.cell_m)
     }
 
     /// True if a hit belongs to something that stands or hangs in the hall.

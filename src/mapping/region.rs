@@ -85,10 +85,10 @@ impl Region {
         }
     }
 
-    /// True if a hit at (x, y) may be used.
+    /// True if a hit at (x, y) may be used; one nearer than `border_m` to the region's border may not.
     #[must_use]
-    pub fn accepts(&self, x_m: f64, y_m: f64) -> bool {
-        self.bounds.contains(x_m, y_m, 0.0)
+    pub fn accepts(&self, x_m: f64, y_m: f64, border_m: f64) -> bool {
+        self.bounds.contains(x_m, y_m, -border_m)
             && !self.exclusions.iter().any(|e| e.contains(x_m, y_m, self.exclusion_margin_m))
     }
 
@@ -303,7 +303,8 @@ mod tests {
         let bounds = Rect { x_min_m: 0.0, y_min_m: 0.0, x_max_m: 20.0, y_max_m: 20.0 };
         let region = Region { bounds, exclusions: vec![], exclusion_margin_m: 0.0, bays: vec![] };
         assert_eq!(region.grid(0.1).n_cols, 200);
-        assert!(!region.accepts(20.01, 3.0) && region.accepts(19.99, 3.0));
+        assert!(!region.accepts(20.01, 3.0, 0.0) && region.accepts(19.99, 3.0, 0.0));
+        assert!(!region.accepts(19.99, 3.0, 0.03) && region.accepts(19.96, 3.0, 0.03));
     }
 
     #[test]

@@ -95,7 +95,8 @@ fn boxes_prisms_walls_and_fence_are_checked_with_their_keys() {
     // Only the box stands on the floor and covers ground that is measured.
     assert_eq!(settings.mapping.region.exclusions.len(), 1);
     assert!(
-        !settings.mapping.region.accepts(6.1, 10.2) && settings.mapping.region.accepts(6.0, 9.0)
+        !settings.mapping.region.accepts(6.1, 10.2, 0.0)
+            && settings.mapping.region.accepts(6.0, 9.0, 0.0)
     );
     assert!(space.fence.as_ref().is_some_and(|fence| (fence.max_height_m - 9.0).abs() < 1e-12));
     for (more, reason) in [

@@ -156,7 +156,7 @@ fn exclusions_leave_holes_and_separate() {
     assert!((on_grid.base.area_m2() - (L_AREA_M2 - 0.3 * 1.1)).abs() < 1e-12);
     assert!(region.separates((1.5, 2.0), (3.5, 2.0)));
     assert!(!region.separates((1.5, 2.0), (2.3, 2.2)), "short of the beam");
-    assert!(!region.accepts(2.6, 2.0) && region.accepts(2.2, 2.0));
+    assert!(!region.accepts(2.6, 2.0, 0.0) && region.accepts(2.2, 2.0, 0.0));
 }
 
 #[test]

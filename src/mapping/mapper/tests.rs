@@ -111,6 +111,37 @@ fn the_papers_grid_counts_its_base_unless_it_adds_as_printed() {
 }
 
 #[test]
+fn noise_does_not_bring_the_wall_at_the_border_into_the_region() {
+    // 1 m from the wall at x = 6, looking along x: level ground at 1.2 m and the wall above it, both with the noise of
+    // the range, 1 cm, as ±1σ by turns.
+    let mut mapper = Mapper::new(settings(Method::MaternField));
+    let turn = Rotation::from_euler_rad(0.0, 0.0, -std::f64::consts::FRAC_PI_2);
+    let pose = Transform::new(turn, Point::new(5.0, 3.0, 5.2));
+    let beams: Vec<Beam> = (0_u8..120)
+        .map(|k| {
+            let angle = 0.0125 * f64::from(k);
+            let (to_ground_m, to_wall_m) = (4.0 / angle.cos(), 1.0 / angle.sin());
+            let noise_m = if k % 2 == 0 { 0.01 } else { -0.01 };
+            let range_m = (to_ground_m.min(to_wall_m) + noise_m) as f32;
+            Beam { offset_ns: 0, angle_rad: angle as f32, range_m, intensity: 1 }
+        })
+        .collect();
+    mapper.insert(
+        &Scan { start: Stamp::ZERO, beams },
+        |_| Some((pose, Matrix6::identity() * 1e-6)),
+        pose_error,
+    );
+    let patches = &mapper.turns()[0].patches;
+    let (west, east) = patches.iter().fold((f64::MAX, f64::MIN), |(west, east), patch| {
+        assert!((patch.place().z - 1.2).abs() < 0.02, "of the wall: {patch:?}");
+        (west.min(patch.place().x), east.max(patch.place().x))
+    });
+    // The ground is seen up to 3σ before the wall: its beams are 0.24 rad from straight down there, so the σ of 8 mm along the
+    // ground is that of the angle.
+    assert!(west < 5.2 && (5.8..5.98).contains(&east), "{west} to {east}");
+}
+
+#[test]
 fn silent_beams_pass_over_what_lies_low() {
     let mut mapper = Mapper::new(settings(Method::MaternField));
     // Level at 1.2 m as far as 5 m away under the LiDAR, 4 m over it, so echoes come from 6.3 m at most.
