@@ -124,8 +124,9 @@ impl RayCeiling {
         }
     }
 
-    /// The ceilings over hidden nodes under rays, and, of those that count, half a metre beside; from step to step the mean of what
-    /// lies next to a node. Over ground that is seen rays only end, so nothing follows from them for the ground beside. Walls
+    /// The ceilings over hidden nodes that count, under rays and half a metre beside; from step to step the mean of what
+    /// lies next to a node. Beyond the border of what counts rays go where there is no material, and say nothing of the surface
+    /// that would go on there, which bears the border. Over ground that is seen rays only end, so nothing follows from them for the ground beside. Walls
     /// part them.
     #[must_use]
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few steps")]
@@ -136,7 +137,7 @@ impl RayCeiling {
         counts: &[bool],
     ) -> Vec<Option<Ceiling>> {
         let under_ray = |node: usize| {
-            let height_m = self.at_node_m(node).filter(|_| is_hidden[node])?;
+            let height_m = self.at_node_m(node).filter(|_| is_hidden[node] && counts[node])?;
             Some(Ceiling { height_m, steps: 0 })
         };
         let mut ceilings: Vec<Option<Ceiling>> = (0..self.nodes.len()).map(under_ray).collect();

@@ -54,15 +54,20 @@ fn pose_error(at: Stamp<Mono>, _: Option<Stamp<Mono>>) -> Option<PoseError> {
 }
 
 /// A sweep over a level surface at 1.2 m, every beam exact.
-#[expect(clippy::cast_possible_truncation, reason = "test angles")]
 fn sweep(mapper: &mut Mapper) {
+    sweep_to(mapper, |angle: f64| 4.0 / angle.cos());
+}
+
+/// A sweep 5.2 m above the floor from x = 0 to 6 at y = 3, its beams in the plane across, by angle from straight down.
+#[expect(clippy::cast_possible_truncation, reason = "test angles")]
+fn sweep_to(mapper: &mut Mapper, range_m: impl Fn(f64) -> f64) {
     for step in 0..60 {
         let x = 0.05 + f64::from(step) * 0.1;
         let pose = Transform::new(Rotation::identity(), Point::new(x, 3.0, 5.2));
         let beams = (-60..=60)
             .map(|k| {
                 let angle = f64::from(k) * 0.0125;
-                let range_m = (4.0 / angle.cos()) as f32;
+                let range_m = range_m(angle) as f32;
                 Beam { offset_ns: 0, angle_rad: angle as f32, range_m, intensity: 1 }
             })
             .collect();
@@ -84,6 +89,23 @@ fn a_level_surface_has_the_volume_of_its_box() {
         let sigma_m3 = hall.budget.var_m6().sqrt();
         assert!((hall.estimate.sigma_m3 - sigma_m3).abs() < 1e-9 * sigma_m3);
     }
+}
+
+#[test]
+fn floor_beyond_the_border_does_not_drag_the_material_down() {
+    // The material ends at the region's borders; beams that pass over those end on the floor beyond, 1.2 m lower, and
+    // pass where the material's surface would go on.
+    let mut mapper = Mapper::new(settings(Method::MaternField));
+    let is_inside = |angle: f64| (4.0 * angle.tan()).abs() < 3.0;
+    sweep_to(&mut mapper, |angle| if is_inside(angle) { 4.0 } else { 5.2 } / angle.cos());
+    let solved = mapper.snapshot(Stamp::ZERO, true).run().expect("solved");
+    for row in [0, 23] {
+        let of_row = &solved.surface.mean_m[24 * row..24 * (row + 1)];
+        let mean_m = of_row.iter().sum::<f64>() / 24.0;
+        assert!((mean_m - 1.2).abs() < 0.001, "row {row}: {mean_m} m");
+    }
+    let volume_m3 = solved.accounts[0].estimate.volume_m3;
+    assert!((volume_m3 - 43.2).abs() < 0.005, "{volume_m3} m³");
 }
 
 #[test]
