@@ -148,7 +148,7 @@ proptest! {
         let offset = |k: i32| ((f64::from(k) + 0.5) / f64::from(n) - 0.5) * 0.5;
         let count = (0..n * n)
             .map(|k| (x + offset(k % n), y + offset(k / n)))
-            .filter(|(x, y)| polygon.contains(*x, *y) && region.accepts(*x, *y))
+            .filter(|(x, y)| polygon.contains(*x, *y) && region.accepts(*x, *y, 0.0))
             .count();
         let area_m2 = 0.25 * count as f64 / f64::from(n * n);
         // Half a row of points along each border, of which a cell has a few.

@@ -133,6 +133,7 @@ fn the_papers_grid_counts_its_base_unless_it_adds_as_printed() {
 }
 
 #[test]
+#[expect(clippy::cast_possible_truncation, reason = "test ranges")]
 fn noise_does_not_bring_the_wall_at_the_border_into_the_region() {
     // 1 m from the wall at x = 6, looking along x: level ground at 1.2 m and the wall above it, both with the noise of
     // the range, 1 cm, as ±1σ by turns.
