@@ -357,9 +357,14 @@ impl Mapper {
             && !self.is_obstacle(&p)
     }
 
-    /// How far inside the region a hit must be so that it is not of the wall at the border, m: noise brings
-    /// hits of the wall's face into the region, and they lie at any height. Half a cell is left to it.
+    /// How far inside the region a hit must be so that it is not of the wall at the border, m: noise
+    /// brings hits of the wall's face into the region, and they lie at any height. At most half a
+    /// cell, for else the nodes at the border could have no hits of their own; none for the paper's
+    /// grid, which takes all hits in D.
     fn border_m(&self, hit: &Hit) -> f64 {
+        if self.field.is_none() {
+            return 0.0;
+        }
         let level_var_m2 = hit.cov_m2[(0, 0)].max(hit.cov_m2[(1, 1)]);
         (BORDER_SIGMAS * level_var_m2.sqrt()).min(0.5 * self.settings.cell_m)
     }

@@ -124,10 +124,9 @@ impl RayCeiling {
         }
     }
 
-    /// The ceilings over hidden nodes that count, under rays and half a metre beside; from step to step the mean of what
-    /// lies next to a node. Beyond the border of what counts rays go where there is no material, and say nothing of the surface
-    /// that would go on there, which bears the border. Over ground that is seen rays only end, so nothing follows from them for the ground beside. Walls
-    /// part them.
+    /// The ceilings over hidden nodes of the grid, under rays and, of those that count, half a metre
+    /// beside; from step to step the mean of what lies next to a node. Over ground that is seen rays
+    /// only end, so nothing follows from them for the ground beside. Walls part them.
     #[must_use]
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few steps")]
     pub fn over_hidden(
@@ -137,7 +136,10 @@ impl RayCeiling {
         counts: &[bool],
     ) -> Vec<Option<Ceiling>> {
         let under_ray = |node: usize| {
-            let height_m = self.at_node_m(node).filter(|_| is_hidden[node] && counts[node])?;
+            // The padding is how the surface would go on, and bears its border. What rays pass over
+            // there is what really stands or lies beyond, and may be much lower.
+            let is_open = is_hidden[node] && lattice.is_of_grid(node);
+            let height_m = self.at_node_m(node).filter(|_| is_open)?;
             Some(Ceiling { height_m, steps: 0 })
         };
         let mut ceilings: Vec<Option<Ceiling>> = (0..self.nodes.len()).map(under_ray).collect();
@@ -146,8 +148,10 @@ impl RayCeiling {
         let most_steps = (BESIDE_M / lattice.spacing_m()).round().max(1.0) as u32;
         for steps in 1..=most_steps {
             let beside = edge.iter().flat_map(|node| lattice.joined(*node));
-            let is_open =
-                |node: &usize| is_hidden[*node] && counts[*node] && ceilings[*node].is_none();
+            let is_open = |node: &usize| {
+                let may_have_one = is_hidden[*node] && counts[*node] && lattice.is_of_grid(*node);
+                may_have_one && ceilings[*node].is_none()
+            };
             let mut next: Vec<usize> = beside.filter(is_open).collect();
             next.sort_unstable();
             next.dedup();

@@ -14,7 +14,8 @@ pub struct Rect {
 }
 
 impl Rect {
-    /// True if (x, y) lies in the rectangle or at most `margin_m` beside it.
+    /// True if (x, y) lies in the rectangle or at most `margin_m` beside it; a negative margin is
+    /// how far inside it must lie.
     #[must_use]
     pub fn contains(&self, x_m: f64, y_m: f64, margin_m: f64) -> bool {
         x_m >= self.x_min_m - margin_m

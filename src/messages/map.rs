@@ -182,7 +182,8 @@ pub struct HitCounts {
     pub no_return: u64,
     /// Beams inside a sector that the own body hides.
     pub own_body: u64,
-    /// Hits outside the region of interest, or higher than any pile can be.
+    /// Hits outside the region of interest or too near its border to be surely inside, and such as
+    /// are higher than any pile can be.
     pub outside: u64,
     /// Beams without a pose: before the first fix, or older than the ring.
     pub no_pose: u64,

@@ -89,7 +89,8 @@ pub struct PoseError {
     /// Angular velocity in body axes with the bias removed, rad/s.
     pub rate_radps: Vector3<f64>,
     /// What an error in the place of each tag does to the pose. In single precision, which is far
-    /// finer than the places are known: thousands of turns keep it, and it is most of them.
+    /// finer than the places are known: thousands of turns keep these lists, and they are most of
+    /// what a turn keeps.
     pub tags: Vec<TagSensitivity<f32>>,
 }
 

@@ -88,7 +88,10 @@ fn checks(flight: &Flight) -> Vec<Vec<String>> {
         let elsewhere = counts.outside + counts.own_body + counts.no_return;
         rows.push(row(
             "Beams without material",
-            format!("{} (walls, own body, no return)", share(elsewhere, counts.received)),
+            format!(
+                "{} (walls and borders, own body, no return)",
+                share(elsewhere, counts.received)
+            ),
         ));
         rows.push(row(
             "Hits that were not of the surface",

@@ -4,7 +4,7 @@ use super::super::polygon::Polygon;
 use super::super::region::Rect;
 use super::*;
 use crate::geometry::{Point, Rotation};
-use nalgebra::{SMatrix, Vector3};
+use nalgebra::{Matrix3, SMatrix, Vector3};
 
 fn settings(method: Method) -> Settings {
     settings_over(method, Rect { x_min_m: 0.0, y_min_m: 0.0, x_max_m: 6.0, y_max_m: 6.0 })
@@ -55,12 +55,13 @@ fn pose_error(at: Stamp<Mono>, _: Option<Stamp<Mono>>) -> Option<PoseError> {
 
 /// A sweep over a level surface at 1.2 m, every beam exact.
 fn sweep(mapper: &mut Mapper) {
-    sweep_to(mapper, |angle: f64| 4.0 / angle.cos());
+    sweep_to(mapper, 1e-6, |angle: f64| 4.0 / angle.cos());
 }
 
-/// A sweep 5.2 m above the floor from x = 0 to 6 at y = 3, its beams in the plane across, by angle from straight down.
+/// A sweep 5.2 m above the floor from x = 0 to 6 at y = 3, its beams in the plane across, by angle
+/// from straight down; with this variance of all that a pose consists of, m² and rad².
 #[expect(clippy::cast_possible_truncation, reason = "test angles")]
-fn sweep_to(mapper: &mut Mapper, range_m: impl Fn(f64) -> f64) {
+fn sweep_to(mapper: &mut Mapper, pose_var: f64, range_m: impl Fn(f64) -> f64) {
     for step in 0..60 {
         let x = 0.05 + f64::from(step) * 0.1;
         let pose = Transform::new(Rotation::identity(), Point::new(x, 3.0, 5.2));
@@ -72,7 +73,7 @@ fn sweep_to(mapper: &mut Mapper, range_m: impl Fn(f64) -> f64) {
             })
             .collect();
         let scan = Scan { start: Stamp::ZERO, beams };
-        mapper.insert(&scan, |_| Some((pose, Matrix6::identity() * 1e-6)), pose_error);
+        mapper.insert(&scan, |_| Some((pose, Matrix6::identity() * pose_var)), pose_error);
     }
 }
 
@@ -93,19 +94,53 @@ fn a_level_surface_has_the_volume_of_its_box() {
 
 #[test]
 fn floor_beyond_the_border_does_not_drag_the_material_down() {
-    // The material ends at the region's borders; beams that pass over those end on the floor beyond, 1.2 m lower, and
-    // pass where the material's surface would go on.
-    let mut mapper = Mapper::new(settings(Method::MaternField));
-    let is_inside = |angle: f64| (4.0 * angle.tan()).abs() < 3.0;
-    sweep_to(&mut mapper, |angle| if is_inside(angle) { 4.0 } else { 5.2 } / angle.cos());
-    let solved = mapper.snapshot(Stamp::ZERO, true).run().expect("solved");
-    for row in [0, 23] {
-        let of_row = &solved.surface.mean_m[24 * row..24 * (row + 1)];
-        let mean_m = of_row.iter().sum::<f64>() / 24.0;
-        assert!((mean_m - 1.2).abs() < 0.001, "row {row}: {mean_m} m");
+    // The material ends at the region's borders; beams that pass over those end on the floor beyond,
+    // 1.2 m lower, and pass where the material's surface would go on. Where poses are poor, no hit of
+    // the outermost half cell is used.
+    for (pose_var, most_m) in [(1e-6, 0.001), (3e-3, 0.002)] {
+        let mut mapper = Mapper::new(settings(Method::MaternField));
+        let is_inside = |angle: f64| (4.0 * angle.tan()).abs() < 3.0;
+        sweep_to(&mut mapper, pose_var, |angle| {
+            let below_m = if is_inside(angle) { 4.0 } else { 5.2 };
+            below_m / angle.cos()
+        });
+        let solved = mapper.snapshot(Stamp::ZERO, true).run().expect("solved");
+        for row in [0, 23] {
+            let of_row = &solved.surface.mean_m[24 * row..24 * (row + 1)];
+            let mean_m = of_row.iter().sum::<f64>() / 24.0;
+            assert!((mean_m - 1.2).abs() < most_m, "{pose_var}: row {row}: {mean_m} m");
+        }
+        let volume_m3 = solved.accounts[0].estimate.volume_m3;
+        assert!((volume_m3 - 43.2).abs() < 0.005, "{pose_var}: {volume_m3} m³");
     }
-    let volume_m3 = solved.accounts[0].estimate.volume_m3;
-    assert!((volume_m3 - 43.2).abs() < 0.005, "{volume_m3} m³");
+}
+
+#[test]
+fn a_hit_counts_from_3_sigma_inside_the_border_on_or_from_half_a_cell() {
+    let field = Mapper::new(settings(Method::MaternField));
+    let paper = Mapper::new(settings(Method::KalmanGrid));
+    let hit = |x: f64, y: f64, sigma_x_m: f64, sigma_y_m: f64| Hit {
+        place: Point::new(x, y, 1.0),
+        cov_m2: Matrix3::from_diagonal(&Vector3::new(sigma_x_m, sigma_y_m, 1.0).map(|s| s * s)),
+    };
+    // (distance from the border, σ along x, σ along y, is used)
+    for (at_m, sigma_x_m, sigma_y_m, is_used) in [
+        (0.031, 0.01, 0.0, true),
+        (0.029, 0.01, 0.0, false),
+        (0.031, 0.0, 0.01, true),
+        (0.029, 0.0, 0.01, false),
+        (0.126, 0.1, 0.0, true),
+        (0.124, 0.1, 0.0, false),
+        (0.001, 0.0, 0.0, true),
+        (-0.001, 0.0, 0.0, false),
+    ] {
+        for (x, y) in [(at_m, 3.0), (6.0 - at_m, 3.0), (3.0, at_m), (3.0, 6.0 - at_m)] {
+            let hit = hit(x, y, sigma_x_m, sigma_y_m);
+            assert_eq!(field.is_material(&hit), is_used, "{hit:?}");
+            // The paper takes every hit in D.
+            assert_eq!(paper.is_material(&hit), at_m > 0.0, "{hit:?}");
+        }
+    }
 }
 
 #[test]

@@ -197,6 +197,14 @@ impl Lattice {
         (row + self.n_pad) * self.n_cols + col + self.n_pad
     }
 
+    /// True if a node is the centre of a cell of the grid, not of the padding around it.
+    #[must_use]
+    pub const fn is_of_grid(&self, node: usize) -> bool {
+        let (row, col) = (node / self.n_cols, node % self.n_cols);
+        let is_in_rows = row >= self.n_pad && row < self.n_pad + self.grid.n_rows;
+        is_in_rows && col >= self.n_pad && col < self.n_pad + self.grid.n_cols
+    }
+
     /// Values at the nodes → values of the grid's cells.
     #[must_use]
     pub fn on_cells(&self, at_nodes: &[f64]) -> Vec<f64> {

@@ -166,9 +166,17 @@ fn nodes_half_a_metre_beside_rays_have_their_ceilings() {
     }
     let over = ceiling.over_hidden(&lattice, &all, &all);
     assert_eq!(over[at(4, 4)], beside(2.5));
-    // What is not measured has none.
+    // What is not measured has ceilings only under rays.
     let outside = ceiling.over_hidden(&lattice, &all, &none);
-    assert!(outside.iter().all(Option::is_none));
+    assert_eq!((outside[at(4, 4)], outside[at(4, 2)]), (None, under(1.0)));
+    // The padding has none.
+    for turn in 1..=2 {
+        for node in (0..lattice.n_nodes()).filter(|node| !lattice.is_of_grid(*node)) {
+            ceiling.nodes[node].take(0.5, turn);
+        }
+    }
+    let with_padding = ceiling.over_hidden(&lattice, &all, &all);
+    assert_eq!(with_padding, over);
     // Rays that end on ground that is seen say nothing of the ground beside.
     let mut is_hidden = all.clone();
     (0..8).for_each(|col| is_hidden[at(col, 2)] = false);
