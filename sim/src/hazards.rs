@@ -1,9 +1,10 @@
-//! What can be between the LiDAR and the material: dust, wide beams, a machine, gaps in the hall.
+//! What can be between the LiDAR and the material: dust, wide beams, lost echoes, a machine, gaps in
+//! the hall.
 //!
 //! All of it is off unless asked for, and drawn from streams of its own, so that a run with a hazard
 //! has the same world, flight and noise as the run without.
 
-use crate::lidar::LidarModel;
+use crate::lidar::{Fading, LidarModel};
 use clap::Args;
 
 /// Half the angle over which a low-priced sensor's beam spreads: 2 × 4 mrad, 6 cm at 7 m.
@@ -18,6 +19,13 @@ pub struct Hazards {
     /// Beams are 8 mrad wide: where they straddle an edge, the range lies between both surfaces.
     #[arg(long = "mixed-pixels")]
     pub mixes_pixels: bool,
+    /// Echoes get lost little by little, with the distance and where beams graze: half of them at the
+    /// farthest range, square on.
+    #[arg(long = "fading")]
+    pub fades: bool,
+    /// The same, and a quarter of the ground is dark: it is seen from half the distance.
+    #[arg(long = "dark-patches")]
+    pub has_dark_patches: bool,
     /// A wheel loader drives to and fro through the region during the flight; it is no material.
     #[arg(long = "machine")]
     pub has_machine: bool,
@@ -32,6 +40,11 @@ impl Hazards {
     #[must_use]
     pub fn applied_to(&self, lidar: &LidarModel) -> LidarModel {
         let half_width_rad = if self.mixes_pixels { HALF_WIDTH_RAD } else { lidar.half_width_rad };
-        LidarModel { dust_ratio: self.dust_ratio, half_width_rad, ..lidar.clone() }
+        let fading = match (self.has_dark_patches, self.fades) {
+            (true, _) => Fading::DarkPatches,
+            (false, true) => Fading::White,
+            (false, false) => lidar.fading,
+        };
+        LidarModel { dust_ratio: self.dust_ratio, half_width_rad, fading, ..lidar.clone() }
     }
 }

@@ -11,6 +11,7 @@
 //! ```
 
 mod device;
+mod fading;
 mod frame;
 mod head;
 mod model;
@@ -23,6 +24,7 @@ mod turns;
 mod uart;
 
 pub use device::{Device, Firmware, Format, Frame, Mishap, device};
+pub use fading::Fading;
 pub use frame::{FRAME_LEN, encode};
 pub use model::LidarModel;
 pub(crate) use model::hanging_mount;

@@ -3,7 +3,7 @@
 //! Only names, rates, line speeds and reaches come from the service's own list; how a sensor
 //! measures and what its bytes are is the simulator's.
 
-use crate::lidar::{Firmware, LidarModel, hanging_mount};
+use crate::lidar::{Fading, Firmware, LidarModel, hanging_mount};
 use stockpilot::lidar::Model;
 
 /// How far a beam points beside where its sample says, °: the head does not turn evenly between the marks
@@ -46,6 +46,7 @@ impl LidarModel {
             range_scale: 0.0,
             stamp_offset_s: 0.0,
             dropout_ratio: 0.005,
+            fading: Fading::None,
             dust_ratio: 0.0,
             half_width_rad: 0.0,
             baud: spec.baud,

@@ -1,6 +1,6 @@
 //! What a LiDAR is like.
 
-use super::Firmware;
+use super::{Fading, Firmware};
 use stockpilot::geometry::{Body, Lidar, Point, Rotation, Transform};
 
 /// The numbers of one sensor and where it is mounted.
@@ -32,6 +32,8 @@ pub struct LidarModel {
     pub stamp_offset_s: f64,
     /// Share of samples without a return even near and square on.
     pub dropout_ratio: f64,
+    /// How echoes get lost beside that.
+    pub fading: Fading,
     /// Share of beams that dust in the air sends back before they reach a surface.
     pub dust_ratio: f64,
     /// Half the angle of the beam's cone in the scan plane, rad; where the cone meets two surfaces,

@@ -1,8 +1,10 @@
 //! What a sensor sees: the true hall through its optics, or an empty room.
 
 use super::LidarModel;
+use super::fading::{DarkPatches, Fading, chance_of_echo};
 use crate::raycast::{self, RayHit, Surface};
 use crate::world::World;
+use nalgebra::Vector3;
 use std::fmt;
 use std::time::Duration;
 use stockpilot::geometry::{Body, Direction, Hall, Lidar, Transform};
@@ -34,6 +36,7 @@ pub struct Optics {
     range_noise: Noise,
     angle_noise: Noise,
     dropout_noise: Noise,
+    dark_patches: DarkPatches,
     dust: Noise,
     mixing: Noise,
 }
@@ -60,6 +63,7 @@ impl Optics {
             range_noise: seeds.stream("lidar.range"),
             angle_noise: seeds.stream("lidar.angle"),
             dropout_noise: seeds.stream("lidar.dropout"),
+            dark_patches: DarkPatches::drawn(seeds),
             dust: seeds.stream("lidar.dust"),
             mixing: seeds.stream("lidar.mixing"),
         }
@@ -123,25 +127,43 @@ impl Optics {
         Some(RayHit { distance_m: share * free_m, normal, surface: Surface::Dust })
     }
 
-    /// The measured echo of a hit at this distance and squareness; `None` if it is lost.
-    pub(super) fn echo(&mut self, distance_m: f64, square_on: f64) -> Option<Echo> {
+    /// The measured echo of a hit at this distance and squareness, from a surface of this
+    /// reflectivity; `None` if it is lost.
+    pub(super) fn echo(
+        &mut self,
+        distance_m: f64,
+        square_on: f64,
+        reflectivity: f64,
+    ) -> Option<Echo> {
         let reach_ratio = distance_m / self.model.range_max_m;
         // Draw both numbers for every beam, so that one lost echo does not shift the others.
         let noise_m = self.model.range_sigma_m * self.range_noise.normal();
-        if self.dropout_noise.chance(self.dropout_ratio(reach_ratio, square_on)) {
+        if self.dropout_noise.chance(self.dropout_ratio(reach_ratio, square_on, reflectivity)) {
             return None;
         }
         let range_m =
             distance_m * (1.0 + self.model.range_scale) + self.model.range_bias_m + noise_m;
         let is_in_range = (self.model.range_min_m..=self.model.range_max_m).contains(&range_m);
-        let strength = 230.0 * square_on.max(0.05) / (1.0 + 2.0 * reach_ratio * reach_ratio);
+        let strength =
+            230.0 * reflectivity * square_on.max(0.05) / (1.0 + 2.0 * reach_ratio * reach_ratio);
         let intensity = strength_of(strength);
         is_in_range.then_some(Echo { range_m, intensity })
     }
 
-    /// Echoes get lost more often far away, and below 10° of grazing angle.
-    fn dropout_ratio(&self, reach_ratio: f64, square_on: f64) -> f64 {
+    /// What a surface sends back at a place in the hall, 1 for white.
+    fn reflectivity(&self, surface: Surface, place_m: &Vector3<f64>) -> f64 {
+        let is_patchy = self.model.fading == Fading::DarkPatches && surface == Surface::Material;
+        if is_patchy { self.dark_patches.reflectivity(place_m.x, place_m.y) } else { 1.0 }
+    }
+
+    /// Echoes get lost more often far away, and below 10° of grazing angle; where they fade, long
+    /// before that.
+    fn dropout_ratio(&self, reach_ratio: f64, square_on: f64, reflectivity: f64) -> f64 {
         const GRAZING: f64 = 0.17;
+        if self.model.fading != Fading::None {
+            let chance = chance_of_echo(reach_ratio, square_on, reflectivity);
+            return 1.0 - (1.0 - self.model.dropout_ratio) * chance;
+        }
         let far = 0.02 * reach_ratio.powi(4);
         let grazing = 0.6 * (1.0 - square_on / GRAZING).max(0.0);
         self.model.dropout_ratio + far + grazing
@@ -191,7 +213,9 @@ impl<P: Fn(Stamp<Mono>) -> Transform<Hall, Body>> Scene for HallView<'_, P> {
         };
         let hit = self.optics.with_dust(hit, &direction)?;
         let square_on = hit.normal.coords.dot(&direction.coords).abs();
-        self.optics.echo(hit.distance_m, square_on)
+        let place_m = hall_from_lidar.origin.coords + hit.distance_m * direction.coords;
+        let reflectivity = self.optics.reflectivity(hit.surface, &place_m);
+        self.optics.echo(hit.distance_m, square_on, reflectivity)
     }
 }
 
@@ -282,6 +306,6 @@ impl Scene for Room {
 
     fn echo(&mut self, _at: Stamp<Mono>, clockwise_deg: f64) -> Option<Echo> {
         let (distance_m, square_on) = self.nearest(clockwise_deg);
-        self.optics.echo(distance_m, square_on)
+        self.optics.echo(distance_m, square_on, 1.0)
     }
 }
