@@ -34,6 +34,7 @@ pub mod merge;
 pub mod polygon;
 pub mod projection;
 pub mod ray_ceiling;
+pub mod reach;
 pub mod region;
 pub mod relief;
 pub mod roughness;

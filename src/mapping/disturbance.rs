@@ -257,6 +257,7 @@ impl Levels {
                 lidar_idx: footprint.lidar_idx,
                 patches: kept.into_iter().copied().collect(),
                 passed_to_m: footprint.passed_to_m.clone(),
+                silent: footprint.silent.clone(),
             })
         };
         let footprints = footprints.iter().map(&mut without).collect();

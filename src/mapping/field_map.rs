@@ -134,6 +134,7 @@ impl FieldMap {
         // Thousands of turns stay: what the lists have grown into and do not use would double them.
         footprint.patches.shrink_to_fit();
         footprint.passed_to_m.shrink_to_fit();
+        footprint.silent.shrink_to_fit();
         self.footprints.push(Arc::new(footprint));
     }
 

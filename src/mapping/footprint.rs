@@ -8,6 +8,7 @@
 //! Patches keep where their beams started from and what they hit, not what that is worth: slope,
 //! weight and derivatives follow anew from the newest surface whenever the field is solved.
 
+use super::silence::SilentRay;
 use crate::geometry::{Body, Hall, Point, Transform};
 use crate::messages::PoseError;
 use nalgebra::Vector3;
@@ -40,6 +41,8 @@ pub struct Footprint {
     pub patches: Vec<Patch>,
     /// Where beams ended that hit no material, in the hall, m: they passed over some ([`passing`]).
     pub passed_to_m: Vec<[f32; 3]>,
+    /// Beams that did not end.
+    pub silent: Vec<SilentRay>,
 }
 
 /// A beam this much above or below the patch of its square does not belong to it, in cells: the

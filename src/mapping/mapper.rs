@@ -10,7 +10,7 @@ use super::kalman_grid::KalmanGrid;
 use super::matern_field::{FieldError, Lattice};
 use super::projection::{Hit, LidarMount, project};
 use super::region::Region;
-use super::silence::{Reach, silent_beams};
+use super::silence::{SilentRay, gather_silent, silent_beams};
 use super::solid::{self, Solid};
 use super::surface_work::{SolveSurface, SolvedSurface};
 use super::volume::Base;
@@ -69,7 +69,6 @@ pub struct Mapper {
     /// The lowest base, m over the hall floor.
     floor_m: f64,
     /// How far away material has answered.
-    reach: Reach,
     counts: HitCounts,
     on_grid: OnGrid,
     /// Every hit, if somebody wants them: not in flight.
@@ -120,7 +119,6 @@ impl Mapper {
             .then(|| FieldMap::new(field_setup(&settings, &geometry, &bays)));
         Self {
             floor_m,
-            reach: Reach::default(),
             settings,
             grid,
             field,
@@ -159,7 +157,6 @@ impl Mapper {
             let fate = match seen.and_then(|seen| Ok((seen, shared.as_ref().map_err(|f| *f)?))) {
                 Ok((seen, shared)) if self.is_material(&seen.hit) => {
                     self.grid.insert(&seen.hit, &self.settings.region);
-                    self.reach.take(beam.range_m.into());
                     self.on_grid.n_beams += 1;
                     self.on_grid.newest_at = self.on_grid.newest_at.max(Some(middle));
                     if let Some(kept) = &mut self.kept {
@@ -183,29 +180,38 @@ impl Mapper {
         if patches.is_empty() {
             return;
         }
-        let mut passed_to_m = passing(&ends_elsewhere, self.settings.cell_m);
-        // They make arcs far away, where rays are to be told apart by whole cells; a long flight has many of them.
-        let apart_m = 2.0 * self.settings.cell_m;
-        passed_to_m.extend(passing(&self.silent_ends(scan, pose_at), apart_m));
+        let passed_to_m = passing(&ends_elsewhere, self.settings.cell_m);
+        let silent = self.silent_rays(scan, pose_at);
         if let Some(field) = &mut self.field {
-            field.push(Footprint { error, hall_from_body, lidar_idx: 0, patches, passed_to_m });
+            let lidar_idx = 0;
+            field.push(Footprint {
+                error,
+                hall_from_body,
+                lidar_idx,
+                patches,
+                passed_to_m,
+                silent,
+            });
         }
     }
 
-    /// Where beams without an echo were at the reach of the LiDAR, of those that passed over places where ground can be.
-    fn silent_ends(
+    /// Beams without an echo, of those that came down to where ground can be.
+    fn silent_rays(
         &self,
         scan: &Scan,
         pose_at: impl Fn(Stamp<Mono>) -> Option<PoseWithCov>,
-    ) -> Vec<Point<Hall>> {
-        let Some(reach_m) = self.reach.range_m() else { return Vec::new() };
+    ) -> Vec<SilentRay> {
+        let (width_m, depth_m) = self.settings.region.bounds.size_m();
+        let across_m = width_m.hypot(depth_m).hypot(self.settings.max_height_m);
+        let length_m = self.settings.lidar.max_range_m.min(across_m);
         #[expect(clippy::cast_possible_truncation, reason = "as precise as beams are")]
-        let at_reach = |beam: &Beam| Beam { range_m: reach_m as f32, ..*beam };
-        silent_beams(scan)
-            .filter_map(|beam| self.hit(&at_reach(beam), || pose_at(scan.beam_at(beam))).ok())
+        let so_long = |beam: &Beam| Beam { range_m: length_m as f32, ..*beam };
+        let ends: Vec<Point<Hall>> = silent_beams(scan)
+            .filter_map(|beam| self.hit(&so_long(beam), || pose_at(scan.beam_at(beam))).ok())
             .map(|seen| seen.hit.place)
-            .filter(|end| (self.floor_m..self.settings.max_height_m).contains(&end.coords.z))
-            .collect()
+            .filter(|end| end.coords.z < self.settings.max_height_m)
+            .collect();
+        gather_silent(&ends, length_m)
     }
 
     /// What the beams of a turn share in the field: the pose at its middle and its error. Without
@@ -285,7 +291,6 @@ impl Mapper {
     pub fn restart(&mut self) {
         self.grid.restart();
         self.on_grid = OnGrid::default();
-        self.reach.restart();
         self.kept.iter_mut().for_each(Vec::clear);
         if let Some(field) = &mut self.field {
             field.restart();

@@ -75,15 +75,25 @@ impl RayCeiling {
         Self { nodes: vec![TwoLowest::NONE; n_nodes], n_turns: 0 }
     }
 
-    /// Takes in the rays of a turn.
+    /// Takes in the rays of a turn that ended somewhere.
     pub fn take(&mut self, lattice: &Lattice, lidar: &LidarMount, footprint: &Footprint) {
-        // Turn 0 is that of no ray.
-        self.n_turns += 1;
         let lidar_m = (footprint.hall_from_body * lidar.body_from_lidar.origin).coords;
         let hits = footprint.patches.iter().map(Patch::place);
         let elsewhere = footprint.passed_to_m.iter().map(|end| Vector3::from(*end).map(f64::from));
-        for end_m in hits.chain(elsewhere) {
-            self.take_ray(lattice, &end_m, &lidar_m);
+        self.take_rays(lattice, &lidar_m, hits.chain(elsewhere));
+    }
+
+    /// Takes in rays of a turn, from the LiDAR to these ends, in the hall, m.
+    pub fn take_rays(
+        &mut self,
+        lattice: &Lattice,
+        lidar_m: &Vector3<f64>,
+        ends_m: impl IntoIterator<Item = Vector3<f64>>,
+    ) {
+        // Turn 0 is that of no ray.
+        self.n_turns += 1;
+        for end_m in ends_m {
+            self.take_ray(lattice, &end_m, lidar_m);
         }
     }
 

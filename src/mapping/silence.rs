@@ -12,68 +12,48 @@
 //! in the far corners of the simulated alps.
 //!
 //! Silence can have other causes, so it counts only
-//! - up to the [`Reach`] that this material has shown in this flight,
 //! - where neighbouring beams are silent too: single ones get lost everywhere,
-//! - where the ray ends above the floor: one that would have met the floor within reach is lost, not free.
+//! - up to the [`Reach`] within which known ground has answered in this flight,
+//! - where the ray meets neither known ground nor the floor before that: else it was lost.
 //!
-//! A dark spot far away that never answers, amid ground that does, is taken for lower than it is, by at most what silent
-//! rays pass below it. Checked: `reach_is_what_one_echo_in_two_thousand_exceeds`, `only_runs_of_silent_beams_count`,
-//! and `silent_beams_pass_over_what_lies_low` of the mapper.
+//! All of it is judged anew in every solve, by the newest surface: what is lost shows when its ground is known.
+//! Checked: `only_runs_of_silent_beams_count`, `rays_that_would_have_met_known_ground_are_lost`,
+//! `ground_that_stays_silent_shortens_the_reach`, and by surveys of fading and dark ground in the simulator.
 
+use super::datum::Linearization;
+use super::footprint::{Footprint, Patch};
+use super::reach::Reach;
+use crate::geometry::{Hall, Point};
 use crate::messages::{Beam, Scan};
+use nalgebra::Vector3;
+use std::sync::Arc;
 
-/// How far away material has answered.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct Reach {
-    /// Echoes of material by range, in steps of [`STEP_M`].
-    n_echoes: Vec<u64>,
-    n_all: u64,
-}
-
-/// Steps in which ranges are counted, m.
-const STEP_M: f64 = 0.1;
-/// Beyond the reach comes one echo of so many.
-const ECHOES_WITHIN: u64 = 2000;
 /// A beam counts as silent if it stands in the middle of so many silent ones.
 const RUN: usize = 5;
+/// Rays of a turn that point less than this apart tell the same, rad: half a cell at the usual reach.
+const APART_RAD: f64 = 0.02;
+/// A ray meets the ground when it is this much below the known surface, m: a crest between two nodes
+/// is not a matter of nodes.
+const BELOW_M: f64 = 0.1;
 
-impl Reach {
-    /// Takes in an echo of material from this range, m.
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "ranges that are trusted are some metres"
-    )]
-    pub fn take(&mut self, range_m: f64) {
-        let step = (range_m / STEP_M) as usize;
-        if self.n_echoes.len() <= step {
-            self.n_echoes.resize(step + 1, 0);
-        }
-        self.n_echoes[step] += 1;
-        self.n_all += 1;
-    }
+/// Neighbouring beams of a turn without an echo.
+///
+/// Single precision holds 8 µm at 100 m.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SilentRay {
+    /// Where one of them would have ended at most, in the hall, m.
+    pub to_m: [f32; 3],
+    /// Number of beams.
+    pub n_beams: u16,
+}
 
-    /// The range beyond which came one echo in two thousand, m; `None` before there are that many.
-    #[must_use]
-    #[expect(clippy::cast_precision_loss, reason = "some hundred steps")]
-    pub fn range_m(&self) -> Option<f64> {
-        let mut n_beyond = self.n_all / ECHOES_WITHIN;
-        if n_beyond == 0 {
-            return None;
-        }
-        for (step, n_echoes) in self.n_echoes.iter().enumerate().rev() {
-            let Some(left) = n_beyond.checked_sub(*n_echoes) else {
-                return Some(step as f64 * STEP_M);
-            };
-            n_beyond = left;
-        }
-        None
-    }
-
-    /// No echo yet.
-    pub fn restart(&mut self) {
-        *self = Self::default();
-    }
+/// Rays of one turn that met nothing.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FreeRays {
+    /// Where they began, in the hall, m.
+    pub from_m: Vector3<f64>,
+    /// How far they are free, in the hall, m.
+    pub to_m: Vec<Vector3<f64>>,
 }
 
 /// The beams in the middle of silent ones, in their order.
@@ -83,41 +63,116 @@ pub fn silent_beams(scan: &Scan) -> impl Iterator<Item = &Beam> {
     runs.filter(move |run| run.iter().all(is_silent)).map(|run| &run[RUN / 2])
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::time::Stamp;
+/// Gathers silent beams that end there, in their order, `length_m` long.
+#[must_use]
+#[expect(clippy::cast_possible_truncation, reason = "rounded to single precision on purpose")]
+pub fn gather_silent(ends: &[Point<Hall>], length_m: f64) -> Vec<SilentRay> {
+    let mut rays: Vec<SilentRay> = Vec::new();
+    for end in ends.iter().map(|end| end.coords) {
+        let is_beside = |ray: &&mut SilentRay| {
+            (end - place(ray.to_m)).norm() < APART_RAD * length_m && ray.n_beams < u16::MAX
+        };
+        match rays.last_mut().filter(is_beside) {
+            Some(ray) => ray.n_beams += 1,
+            None => rays.push(SilentRay { to_m: end.map(|c| c as f32).into(), n_beams: 1 }),
+        }
+    }
+    rays
+}
 
-    #[test]
-    fn reach_is_what_one_echo_in_two_thousand_exceeds() {
-        let mut reach = Reach::default();
-        (0..1999).for_each(|_| reach.take(3.04));
-        assert_eq!(reach.range_m(), None);
-        reach.take(9.97);
-        // One of two thousand may be a stray one.
-        assert!((reach.range_m().expect("a reach") - 3.0).abs() < 1e-9);
-        reach.take(9.93);
-        assert!((reach.range_m().expect("a reach") - 9.9).abs() < 1e-9);
-        reach.restart();
-        assert_eq!(reach.range_m(), None);
+/// The silent rays of all turns that are known to have met nothing, as far as that is known; none before
+/// there is a surface to judge them by. No ground lies lower than `floor_m`.
+#[must_use]
+pub fn free_rays(turns: &[Arc<Footprint>], at: &Linearization<'_>, floor_m: f64) -> Vec<FreeRays> {
+    let judged = turns.iter().filter_map(|turn| JudgedTurn::new(turn, at, floor_m));
+    let judged: Vec<JudgedTurn<'_>> = judged.collect();
+    let mut reaches = vec![Reach::default(); at.lidars.len()];
+    for turn in &judged {
+        turn.tell(&mut reaches[turn.footprint.lidar_idx]);
+    }
+    let reaches_m: Vec<Option<f64>> = reaches.iter().map(Reach::range_m).collect();
+    let free = judged.iter().filter_map(|turn| {
+        let reach_m = reaches_m[turn.footprint.lidar_idx]?;
+        let to_m: Vec<_> = turn.free_ends(reach_m).collect();
+        (!to_m.is_empty()).then_some(FreeRays { from_m: turn.lidar_m, to_m })
+    });
+    free.collect()
+}
+
+/// A turn whose silent rays were followed.
+struct JudgedTurn<'a> {
+    footprint: &'a Footprint,
+    lidar_m: Vector3<f64>,
+    /// By silent ray, where it would have met the ground.
+    met: Vec<Option<Met>>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Met {
+    range_m: f64,
+    /// Within what is measured, where it tells how far ground answers.
+    is_inside: bool,
+}
+
+impl<'a> JudgedTurn<'a> {
+    fn new(footprint: &'a Footprint, at: &Linearization<'_>, floor_m: f64) -> Option<Self> {
+        at.heights_m?;
+        let lidar = at.lidars.get(footprint.lidar_idx)?;
+        let lidar_m = (footprint.hall_from_body * lidar.body_from_lidar.origin).coords;
+        let met = |ray: &SilentRay| meets(&lidar_m, &place(ray.to_m), at, floor_m);
+        Some(Self { footprint, lidar_m, met: footprint.silent.iter().map(met).collect() })
     }
 
-    #[test]
-    fn only_runs_of_silent_beams_count() {
-        let silent = [2, 5, 6, 7, 8, 9, 10, 13, 14, 15, 16];
-        let beam = |k: u16| Beam {
-            offset_ns: u32::from(k),
-            angle_rad: 0.01 * f32::from(k),
-            range_m: if silent.contains(&k) { 0.0 } else { 4.0 },
-            intensity: 9,
-        };
-        let scan = |beams: std::ops::Range<u16>| Scan {
-            start: Stamp::ZERO,
-            beams: beams.map(beam).collect(),
-        };
-        let found =
-            |scan: &Scan| -> Vec<u32> { silent_beams(scan).map(|beam| beam.offset_ns).collect() };
-        assert_eq!(found(&scan(0..18)), [7, 8]);
-        assert!(found(&scan(6..10)).is_empty(), "a part of a turn with fewer than a run");
+    /// What the turn tells of how far ground answers.
+    fn tell(&self, reach: &mut Reach) {
+        for patch in &self.footprint.patches {
+            reach.take_echoes((Patch::place(patch) - self.lidar_m).norm(), patch.n_beams.into());
+        }
+        for (ray, met) in std::iter::zip(&self.footprint.silent, &self.met) {
+            if let Some(met) = met.filter(|met| met.is_inside) {
+                reach.take_lost(met.range_m, ray.n_beams.into());
+            }
+        }
+    }
+
+    /// The ends of rays that met nothing within the reach.
+    fn free_ends(&self, reach_m: f64) -> impl Iterator<Item = Vector3<f64>> {
+        let rays = std::iter::zip(&self.footprint.silent, &self.met);
+        let free = rays.filter(move |(_, met)| met.is_none_or(|met| met.range_m > reach_m));
+        free.map(move |(ray, _)| {
+            let whole_m = place(ray.to_m) - self.lidar_m;
+            self.lidar_m + whole_m * (reach_m / whole_m.norm()).min(1.0)
+        })
     }
 }
+
+/// Where a ray first passes below known ground or the floor.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "rays are some hundred cells long at most"
+)]
+fn meets(
+    from_m: &Vector3<f64>,
+    to_m: &Vector3<f64>,
+    at: &Linearization<'_>,
+    floor_m: f64,
+) -> Option<Met> {
+    let whole_m = to_m - from_m;
+    let n_steps = (whole_m.norm() / at.lattice.spacing_m()).ceil() as usize;
+    (1..=n_steps).find_map(|step| {
+        let along_m = whole_m * (step as f64 / n_steps as f64);
+        let p = from_m + along_m;
+        let row = at.lattice.row_at(p.x, p.y);
+        let ground_m = row.as_ref().and_then(|row| at.known_surface_m(row));
+        (p.z < ground_m.unwrap_or(floor_m) - BELOW_M)
+            .then(|| Met { range_m: along_m.norm(), is_inside: row.is_some() })
+    })
+}
+
+fn place(place_m: [f32; 3]) -> Vector3<f64> {
+    Vector3::from(place_m).map(f64::from)
+}
+
+#[cfg(test)]
+mod tests;

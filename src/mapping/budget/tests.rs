@@ -148,6 +148,7 @@ fn footprint(turn: usize, wrong: &Wrong) -> Footprint {
     Footprint {
         lidar_idx: 0,
         passed_to_m: Vec::new(),
+        silent: Vec::new(),
         error: PoseError {
             at: Stamp::ZERO.plus(Duration::from_millis(100 * turn as u64)),
             cov: cov(turn),

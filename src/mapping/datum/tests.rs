@@ -50,6 +50,7 @@ impl Scene {
             lidar_idx: 0,
             patches: Vec::new(),
             passed_to_m: Vec::new(),
+            silent: Vec::new(),
         };
         Self { lattice, heights_m, slope, lidars: [lidar], footprint }
     }

@@ -70,6 +70,7 @@ fn leg(start_s: f64, height_m: impl Fn(f64, f64) -> f64) -> Vec<Arc<Footprint>> 
             lidar_idx: 0,
             patches: patches.collect(),
             passed_to_m: Vec::new(),
+            silent: Vec::new(),
         })
     };
     (0..50).map(turn).collect()

@@ -98,8 +98,13 @@ impl Setup {
     /// No ground is lower than this, m over the hall floor: the lowest base, but for one that was dug into.
     pub(super) fn floor_m(&self) -> f64 {
         let may_be_dug_into = self.bays.iter().any(|bay| bay.is_over_survey);
+        if may_be_dug_into { f64::NEG_INFINITY } else { self.lowest_base_m() }
+    }
+
+    /// The lowest base, m over the hall floor.
+    pub(super) fn lowest_base_m(&self) -> f64 {
         let lowest_m = self.bays.first().and_then(|whole| whole.base.lowest_m());
-        lowest_m.filter(|_| !may_be_dug_into).unwrap_or(f64::NEG_INFINITY)
+        lowest_m.unwrap_or(f64::NEG_INFINITY)
     }
 
     /// What is known of the ground at each node, of which these areas count.

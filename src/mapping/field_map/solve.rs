@@ -13,6 +13,7 @@ use crate::mapping::matern_field::{self, FieldError, Information, Prior, Solutio
 use crate::mapping::ray_ceiling::RayCeiling;
 use crate::mapping::relief::relief_ratio;
 use crate::mapping::roughness::Residuals;
+use crate::mapping::silence::free_rays;
 use crate::mapping::surface_work::{KnownHeights, SolvedSurface};
 use crate::mapping::unseen_patch::{self, OpenNode, UnseenGround};
 use crate::messages::{BudgetRow, BudgetSource, CellCoverage, GridGeometry, HeightMap};
@@ -136,7 +137,8 @@ impl SolveField {
         let is_hidden = setup.lattice.far_from(&is_known);
         let counts = setup.counts();
         let ceilings = if self.affords_var() {
-            self.ceiling.over_hidden(&setup.lattice, &is_hidden, &counts)
+            let ceiling = self.ceiling_with_silence(turns, &at);
+            ceiling.over_hidden(&setup.lattice, &is_hidden, &counts)
         } else {
             vec![None; setup.lattice.n_nodes()]
         };
@@ -182,6 +184,15 @@ impl SolveField {
             hidden = next;
             sweep += 1;
         }
+    }
+
+    /// The ceilings by all rays, those without an echo included.
+    fn ceiling_with_silence(&self, turns: &[Arc<Footprint>], at: &Linearization<'_>) -> RayCeiling {
+        let mut ceiling = RayCeiling::clone(&self.ceiling);
+        for free in free_rays(turns, at, self.setup.lowest_base_m()) {
+            ceiling.take_rays(at.lattice, &free.from_m, free.to_m);
+        }
+        ceiling
     }
 
     /// What is expected of the ground, by what the surface before shows of that which counts.

@@ -200,49 +200,41 @@ fn noise_does_not_bring_the_wall_at_the_border_into_the_region() {
 }
 
 #[test]
-fn silent_beams_pass_over_what_lies_low() {
+fn silent_beams_that_come_down_are_kept_with_their_turn() {
     let mut mapper = Mapper::new(settings(Method::MaternField));
-    // Level at 1.2 m as far as 5 m away under the LiDAR, 4 m over it, so echoes come from 6.3 m at most.
     let pose = Transform::new(Rotation::identity(), Point::new(3.0, 0.5, 5.2));
-    let scan = |n_beams: u8, range_m: &dyn Fn(f32) -> f32| Scan {
-        start: Stamp::ZERO,
-        beams: (0..n_beams)
-            .map(|k| 0.0125 * f32::from(k))
-            .map(|angle_rad| Beam {
-                offset_ns: 0,
-                angle_rad,
-                range_m: range_m(angle_rad),
-                intensity: 1,
-            })
-            .collect(),
+    // From straight down to level, 0.0125 rad apart; a few must answer for a turn to be kept.
+    let mut rays = |is_silent: &dyn Fn(f32) -> bool| {
+        let beams = (0_u8..126).map(|k| 0.0125 * f32::from(k)).map(|angle_rad| {
+            let range_m = if is_silent(angle_rad) { 0.0 } else { 4.0 / angle_rad.cos() };
+            Beam { offset_ns: 0, angle_rad, range_m, intensity: 1 }
+        });
+        let scan = Scan { start: Stamp::ZERO, beams: beams.collect() };
+        mapper.insert(&scan, |_| Some((pose, Matrix6::identity() * 1e-6)), pose_error);
+        mapper.turns().last().expect("a turn").silent.clone()
     };
-    let mut passed = |scan: &Scan| {
-        mapper.insert(scan, |_| Some((pose, Matrix6::identity() * 1e-6)), pose_error);
-        mapper.turns().last().expect("a turn").passed_to_m.clone()
-    };
-    let level = |angle_rad: f32| 4.0 / angle_rad.cos();
-    let seen = scan(91, &|angle_rad| if angle_rad < 0.9 { level(angle_rad) } else { 0.0 });
-    assert!(passed(&seen).is_empty(), "no reach is known");
-    (0..40).for_each(|_| drop(passed(&seen)));
-    let ends = passed(&seen);
-    // From 51.6° on nothing answers. The farthest echo is from 4/cos 0.8875 = 6.34 m: at the step of 0.1 m below it the ends
-    // make an arc around the LiDAR, without its first two beams.
-    assert!(!ends.is_empty());
-    for end in &ends {
-        let [dx, dy, dz] = [end[0] - 3.0, end[1] - 0.5, end[2] - 5.2];
-        assert!(dx.abs() < 1e-5 && (dx.hypot(dy).hypot(dz) - 6.3).abs() < 1e-3, "{end:?}");
-        let angle_rad = dy.atan2(-dz).abs();
-        assert!((0.92..1.14).contains(&angle_rad), "{angle_rad}");
+    assert!(rays(&|_| false).is_empty());
+    // The region's diagonal and the highest ground: √(6² + 6² + 4²) m, nearer than the LiDAR's 12.
+    let length_m = 88_f64.sqrt();
+    let silent = rays(&|angle_rad| angle_rad > 0.8);
+    // 0.8125 rad is the first, two of a run go before it; what ends above 4 m stays above all ground.
+    let lowest_rad = (1.2 / length_m).acos();
+    let n_beams: u16 = silent.iter().map(|ray| ray.n_beams).sum();
+    let n_expected = (0_u8..124)
+        .map(|k| 0.0125 * f64::from(k))
+        .filter(|angle_rad| *angle_rad > 0.83 && *angle_rad < lowest_rad)
+        .count();
+    assert_eq!(usize::from(n_beams), n_expected);
+    for ray in &silent {
+        let [dx, dy, dz] = [ray.to_m[0] - 3.0, ray.to_m[1] - 0.5, ray.to_m[2] - 5.2].map(f64::from);
+        assert!(dx.abs() < 1e-5 && (dy.hypot(dz) - length_m).abs() < 1e-3, "{ray:?}");
+        assert!((1..=2).contains(&ray.n_beams), "every 0.02 rad: {ray:?}");
     }
-    // A few silent beams in a row may be lost ones, more are not: at 0.7 rad the end lies 0.38 m over the floor.
-    for (n_silent, n_ends) in [(4_u8, 0), (5, 1)] {
+    // A few silent beams in a row may be lost ones, more are not.
+    for (n_silent, n_rays) in [(4_u8, 0), (5, 1)] {
         let lost = 0.699..0.699 + 0.0125 * f32::from(n_silent);
-        let scan = scan(72, &|a| if lost.contains(&a) { 0.0 } else { level(a) });
-        assert_eq!(passed(&scan).len(), n_ends, "{n_silent} silent beams");
+        assert_eq!(rays(&|angle_rad| lost.contains(&angle_rad)).len(), n_rays, "{n_silent}");
     }
-    // Steep ones that would have met the floor are, however many.
-    let steep = scan(72, &|angle_rad| if angle_rad < 0.3 { 0.0 } else { level(angle_rad) });
-    assert!(passed(&steep).is_empty());
 }
 
 #[test]

@@ -46,6 +46,7 @@ fn turn(from: &Transform<crate::geometry::Hall, Body>, hits: &[Vector3<f64>]) ->
         lidar_idx: 0,
         patches: hits.iter().map(patch).collect(),
         passed_to_m: Vec::new(),
+        silent: Vec::new(),
     }
 }
 
