@@ -8,15 +8,16 @@
 //!     ╱   ?   ?   ╲ hit     which is the only thing that is known of it
 //! ```
 //! Rays are followed from their ends, on material or elsewhere (a wall, the floor beside it), back to the
-//! LiDAR. A single wrong range (a mirror, a
-//! beam through a gap) would put a ray underground, so each node keeps its two lowest rays of
-//! different turns and believes the higher one: turns follow each other by decimetres, so it is hardly less
-//! tight.
+//! LiDAR. A single wrong range (a mirror, a beam through a gap) would put a ray underground, so a ray is
+//! believed as far as another turn's, over the same node or within half a metre, is as low: each node
+//! keeps its lowest rays of two turns. In flight turns follow each other by decimetres. Where a vehicle
+//! turns on the spot, they pass half a metre to a metre apart at ten metres; the second lowest over the same node is
+//! of another place then, and much higher.
 //!
-//! Where a vehicle turns on the spot, rays pass a metre apart at ten metres, and hidden ground lies between them as under them:
-//! nodes half a metre beside a ray have its ceiling, less sharply. Nearer ones would say the same twice.
-//! Checked: `rays_match_a_walk_along_them`, `one_wrong_range_does_not_lower_the_ceiling`,
-//! `nodes_half_a_metre_beside_rays_have_their_ceilings`.
+//! Hidden ground lies between rays as under them: nodes half a metre beside a ray have its ceiling, less
+//! sharply. Nearer ones would say the same twice.
+//! Checked: `rays_match_a_walk_along_them`, `one_wrong_range_lowers_the_ceiling_by_half_a_metre_of_a_ray_at_most`,
+//! `a_ray_of_another_turn_within_half_a_metre_confirms`, `nodes_half_a_metre_beside_rays_have_their_ceilings`.
 
 use super::footprint::{Footprint, Patch};
 use super::matern_field::Lattice;
@@ -39,7 +40,7 @@ pub struct Ceiling {
     pub steps: u32,
 }
 
-/// How far beside rays nodes have their ceilings, m.
+/// How far beside rays nodes have their ceilings, and other turns confirm a ray, m.
 const BESIDE_M: f64 = 0.5;
 
 /// The lowest ray over a node, and the lowest of all other turns, m over the hall floor.
@@ -54,6 +55,11 @@ impl TwoLowest {
     /// Higher than any ray, and a number: what the brain hands out holds no infinity.
     const NO_RAY_M: f32 = f32::MAX;
     const NONE: Self = Self { lowest_m: Self::NO_RAY_M, lowest_turn: 0, next_m: Self::NO_RAY_M };
+
+    /// The lowest ray of another turn than this.
+    const fn besides(&self, turn: u32) -> f32 {
+        if self.lowest_turn == turn { self.next_m } else { self.lowest_m }
+    }
 
     const fn take(&mut self, height_m: f32, turn: u32) {
         if turn == self.lowest_turn {
@@ -149,7 +155,7 @@ impl RayCeiling {
             // The padding is how the surface would go on, and bears its border. What rays pass over
             // there is what really stands or lies beyond, and may be much lower.
             let is_open = is_hidden[node] && lattice.is_of_grid(node);
-            let height_m = self.at_node_m(node).filter(|_| is_open)?;
+            let height_m = self.at_node_m(lattice, node).filter(|_| is_open)?;
             Some(Ceiling { height_m, steps: 0 })
         };
         let mut ceilings: Vec<Option<Ceiling>> = (0..self.nodes.len()).map(under_ray).collect();
@@ -181,11 +187,17 @@ impl RayCeiling {
         ceilings.into_iter().map(|over| over.filter(is_kept)).collect()
     }
 
-    /// The height that ground at a node stays below, m over the hall floor; `None` where not two
-    /// turns looked over it.
+    /// The height that ground at a node stays below, m over the hall floor: its lowest ray, or if
+    /// higher the lowest of another turn over it or within half a metre; `None` without such a one.
     #[must_use]
-    pub fn at_node_m(&self, node: usize) -> Option<f64> {
-        let height_m = self.nodes[node].next_m;
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few steps")]
+    pub fn at_node_m(&self, lattice: &Lattice, node: usize) -> Option<f64> {
+        let own = self.nodes[node];
+        let n_steps = (BESIDE_M / lattice.spacing_m()).round() as usize;
+        let of_others =
+            lattice.within(node, n_steps).map(|near| self.nodes[near].besides(own.lowest_turn));
+        let confirming_m = of_others.fold(own.next_m, f32::min);
+        let height_m = own.lowest_m.max(confirming_m);
         (height_m < TwoLowest::NO_RAY_M).then(|| height_m.into())
     }
 }

@@ -378,13 +378,15 @@ impl SolveField {
         let of_cells = |at_node: &dyn Fn(usize) -> f64| -> Vec<f64> {
             (0..lattice.grid().n_cells()).map(|cell| at_node(lattice.node_of_cell(cell))).collect()
         };
+        let at = self.setup.linearization(&[], Some(newest));
+        let ceiling = self.ceiling_with_silence(&self.footprints, &at);
         let is_known = |cell| newest.is_known[lattice.node_of_cell(cell)];
         let is_known = (0..lattice.grid().n_cells()).map(is_known).collect();
         let heights_m = lattice.on_cells(&newest.heights_m);
         Some(KnownHeights {
             sigma_m: of_cells(&|node| newest.var_m2[node].max(0.0).sqrt()),
             floor_m: self.setup.floor_m(),
-            ceiling_m: of_cells(&|node| self.ceiling.at_node_m(node).unwrap_or(f64::INFINITY)),
+            ceiling_m: of_cells(&|node| ceiling.at_node_m(lattice, node).unwrap_or(f64::INFINITY)),
             ..KnownHeights::new(*lattice.grid(), heights_m, is_known, self.setup.settings.sigma_m)
         })
     }

@@ -197,6 +197,16 @@ impl Lattice {
         (row + self.n_pad) * self.n_cols + col + self.n_pad
     }
 
+    /// The nodes at most so many steps from a node along x and along y, itself among them; walls do not
+    /// count.
+    pub fn within(&self, node: usize, n_steps: usize) -> impl Iterator<Item = usize> + use<> {
+        let (n_cols, n_rows) = self.size();
+        let (col, row) = (node % n_cols, node / n_cols);
+        let rows = row.saturating_sub(n_steps)..=(row + n_steps).min(n_rows - 1);
+        let cols = col.saturating_sub(n_steps)..=(col + n_steps).min(n_cols - 1);
+        rows.flat_map(move |row| cols.clone().map(move |col| row * n_cols + col))
+    }
+
     /// True if a node is the centre of a cell of the grid, not of the padding around it.
     #[must_use]
     pub const fn is_of_grid(&self, node: usize) -> bool {
@@ -250,11 +260,7 @@ impl Lattice {
 
     /// A node and its neighbours, diagonal ones too, walls or not.
     pub fn around(&self, node: usize) -> impl Iterator<Item = usize> + use<> {
-        let (n_cols, n_rows) = self.size();
-        let (col, row) = (node % n_cols, node / n_cols);
-        let rows = row.saturating_sub(1)..=(row + 1).min(n_rows - 1);
-        let cols = col.saturating_sub(1)..=(col + 1).min(n_cols - 1);
-        rows.flat_map(move |row| cols.clone().map(move |col| row * n_cols + col))
+        self.within(node, 1)
     }
 
     /// The neighbours that a node has a bond with: no diagonal ones, none behind a wall.
