@@ -129,7 +129,8 @@ impl FieldMap {
     pub fn push(&mut self, mut footprint: Footprint) {
         Arc::make_mut(&mut self.levels).take(&self.setup.lattice, &mut footprint);
         if let Some(lidar) = self.setup.lidars.get(footprint.lidar_idx) {
-            Arc::make_mut(&mut self.ceiling).take(&self.setup.lattice, lidar, &footprint);
+            let turn_idx = self.footprints.len();
+            Arc::make_mut(&mut self.ceiling).take(&self.setup.lattice, lidar, turn_idx, &footprint);
         }
         // Thousands of turns stay: what the lists have grown into and do not use would double them.
         footprint.patches.shrink_to_fit();

@@ -68,7 +68,6 @@ pub struct Mapper {
     bays: Bays,
     /// The lowest base, m over the hall floor.
     floor_m: f64,
-    /// How far away material has answered.
     counts: HitCounts,
     on_grid: OnGrid,
     /// Every hit, if somebody wants them: not in flight.
@@ -203,7 +202,8 @@ impl Mapper {
     ) -> Vec<SilentRay> {
         let (width_m, depth_m) = self.settings.region.bounds.size_m();
         let across_m = width_m.hypot(depth_m).hypot(self.settings.max_height_m);
-        let length_m = self.settings.lidar.max_range_m.min(across_m);
+        // A hair less than what is trusted, in single precision too.
+        let length_m = self.settings.lidar.max_range_m.min(across_m) * (1.0 - 1e-6);
         #[expect(clippy::cast_possible_truncation, reason = "as precise as beams are")]
         let so_long = |beam: &Beam| Beam { range_m: length_m as f32, ..*beam };
         let ends: Vec<Point<Hall>> = silent_beams(scan)

@@ -28,7 +28,6 @@ use nalgebra::Vector3;
 #[derive(Debug, Clone, PartialEq)]
 pub struct RayCeiling {
     nodes: Vec<TwoLowest>,
-    n_turns: u32,
 }
 
 /// What ground at a node stays below.
@@ -78,28 +77,35 @@ impl RayCeiling {
     /// Nothing has passed over so many nodes.
     #[must_use]
     pub fn new(n_nodes: usize) -> Self {
-        Self { nodes: vec![TwoLowest::NONE; n_nodes], n_turns: 0 }
+        Self { nodes: vec![TwoLowest::NONE; n_nodes] }
     }
 
-    /// Takes in the rays of a turn that ended somewhere.
-    pub fn take(&mut self, lattice: &Lattice, lidar: &LidarMount, footprint: &Footprint) {
+    /// Takes in the rays of a turn that ended somewhere; each turn has a number of its own.
+    pub fn take(
+        &mut self,
+        lattice: &Lattice,
+        lidar: &LidarMount,
+        turn_idx: usize,
+        footprint: &Footprint,
+    ) {
         let lidar_m = (footprint.hall_from_body * lidar.body_from_lidar.origin).coords;
         let hits = footprint.patches.iter().map(Patch::place);
         let elsewhere = footprint.passed_to_m.iter().map(|end| Vector3::from(*end).map(f64::from));
-        self.take_rays(lattice, &lidar_m, hits.chain(elsewhere));
+        self.take_rays(lattice, turn_idx, &lidar_m, hits.chain(elsewhere));
     }
 
     /// Takes in rays of a turn, from the LiDAR to these ends, in the hall, m.
     pub fn take_rays(
         &mut self,
         lattice: &Lattice,
+        turn_idx: usize,
         lidar_m: &Vector3<f64>,
         ends_m: impl IntoIterator<Item = Vector3<f64>>,
     ) {
-        // Turn 0 is that of no ray.
-        self.n_turns += 1;
+        // 0 is that of no ray.
+        let turn = u32::try_from(turn_idx + 1).unwrap_or(u32::MAX);
         for end_m in ends_m {
-            self.take_ray(lattice, &end_m, lidar_m);
+            self.take_ray(lattice, turn, &end_m, lidar_m);
         }
     }
 
@@ -111,7 +117,13 @@ impl RayCeiling {
         clippy::cast_precision_loss,
         reason = "indices are checked to lie on the lattice; millimetres are kept at 100 m"
     )]
-    fn take_ray(&mut self, lattice: &Lattice, hit_m: &Vector3<f64>, lidar_m: &Vector3<f64>) {
+    fn take_ray(
+        &mut self,
+        lattice: &Lattice,
+        turn: u32,
+        hit_m: &Vector3<f64>,
+        lidar_m: &Vector3<f64>,
+    ) {
         let (origin, spacing_m) = (lattice.place_m(0), lattice.spacing_m());
         let on_lattice =
             |p: &Vector3<f64>| [(p.x - origin.0) / spacing_m, (p.y - origin.1) / spacing_m];
@@ -136,7 +148,7 @@ impl RayCeiling {
             let (col, row) =
                 if is_along_x { (line, beside as usize) } else { (beside as usize, line) };
             let height_m = hit_m.z + t * (lidar_m.z - hit_m.z);
-            self.nodes[row * n_cols + col].take(height_m as f32, self.n_turns);
+            self.nodes[row * n_cols + col].take(height_m as f32, turn);
         }
     }
 

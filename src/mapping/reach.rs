@@ -2,7 +2,8 @@
 //!
 //! A data sheet's range holds for white surfaces, square on. What counts is from how far *this* material
 //! answers: wet or dark ground, slopes that beams graze. The reach ends
-//! - where more than three of a hundred beams that met ground were lost among silent neighbours,
+//! - where more than three of a hundred beams that met ground were lost among silent neighbours (if each were
+//!   lost by itself, that would be half of them),
 //! - or at the range beyond which only one echo in two thousand came from, whichever is nearer.
 
 /// Echoes and lost beams by their range.
@@ -28,6 +29,8 @@ const ECHOES_WITHIN: f64 = 2000.0;
 /// Most beams that may get lost within the reach. A ceiling is the lowest of many rays, so a few wrong
 /// ones among them are too many; with a third of it surveys of fading ground come out higher.
 const MOST_LOST: f64 = 0.03;
+/// So many may be lost beside, where there are few echoes to compare with.
+const LEAST_LOST: f64 = 20.0;
 
 impl Reach {
     /// Takes in so many echoes of ground from this range, m.
@@ -62,7 +65,7 @@ impl Reach {
         let is_lossy = |steps: &[Answers]| {
             let n_lost: f64 = steps.iter().map(|step| step.n_lost).sum();
             let n_echoes: f64 = steps.iter().map(|step| step.n_echoes).sum();
-            n_lost > MOST_LOST * (n_lost + n_echoes)
+            n_lost > LEAST_LOST + MOST_LOST * (n_lost + n_echoes)
         };
         let first_lossy = self.steps.chunks(STEPS_TOGETHER).position(is_lossy);
         let step = first_lossy.map_or(farthest, |chunk| farthest.min(chunk * STEPS_TOGETHER));
@@ -103,10 +106,10 @@ mod tests {
         let mut reach = Reach::default();
         (0..100).for_each(|k| reach.take_echoes(0.1 * f64::from(k) + 0.05, 97.0));
         assert!((reach.range_m().expect("a reach") - 9.9).abs() < 1e-9);
-        // Five steps together have 485 echoes: fifteen lost beams are just three of a hundred.
-        reach.take_lost(6.31, 15.0);
+        // Five steps together have 485 echoes: three of a hundred are 15.6 with 35 lost, and 20 may be.
+        reach.take_lost(6.31, 35.0);
         assert!((reach.range_m().expect("a reach") - 9.9).abs() < 1e-9);
-        reach.take_lost(6.44, 1.0);
+        reach.take_lost(6.44, 2.0);
         assert!((reach.range_m().expect("a reach") - 6.0).abs() < 1e-9);
         // Beyond all echoes nothing answers anyway.
         reach.take_lost(11.0, 100.0);

@@ -18,6 +18,7 @@
 //!
 //! All of it is judged anew in every solve, by the newest surface: what is lost shows when its ground is known.
 //! Checked: `only_runs_of_silent_beams_count`, `rays_that_would_have_met_known_ground_are_lost`,
+//! `rays_that_graze_known_ground_say_nothing`, `silence_over_hidden_ground_lowers_its_ceiling` of the mapper,
 //! `ground_that_stays_silent_shortens_the_reach`, and by surveys of fading and dark ground in the simulator.
 
 use super::datum::Linearization;
@@ -32,9 +33,11 @@ use std::sync::Arc;
 const RUN: usize = 5;
 /// Rays of a turn that point less than this apart tell the same, rad: half a cell at the usual reach.
 const APART_RAD: f64 = 0.02;
-/// A ray meets the ground when it is this much below the known surface, m: a crest between two nodes
-/// is not a matter of nodes.
+/// A ray that passes less than this below the known surface, m, may have passed over it, or not: crests
+/// lie between nodes, poses are off by centimetres. It says nothing.
 const BELOW_M: f64 = 0.1;
+/// Nearer than this LiDARs are silent by themselves, m.
+const TOO_NEAR_M: f64 = 1.0;
 
 /// Neighbouring beams of a turn without an echo.
 ///
@@ -50,6 +53,8 @@ pub struct SilentRay {
 /// Rays of one turn that met nothing.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FreeRays {
+    /// Which of the turns it was.
+    pub turn_idx: usize,
     /// Where they began, in the hall, m.
     pub from_m: Vector3<f64>,
     /// How far they are free, in the hall, m.
@@ -80,12 +85,22 @@ pub fn gather_silent(ends: &[Point<Hall>], length_m: f64) -> Vec<SilentRay> {
     rays
 }
 
+/// What no ground lies below, m over the hall floor.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Floor {
+    /// Under each cell of the grid.
+    pub of_cells_m: Vec<f64>,
+    /// Beside the grid.
+    pub elsewhere_m: f64,
+}
+
 /// The silent rays of all turns that are known to have met nothing, as far as that is known; none before
-/// there is a surface to judge them by. No ground lies lower than `floor_m`.
+/// there is a surface to judge them by.
 #[must_use]
-pub fn free_rays(turns: &[Arc<Footprint>], at: &Linearization<'_>, floor_m: f64) -> Vec<FreeRays> {
-    let judged = turns.iter().filter_map(|turn| JudgedTurn::new(turn, at, floor_m));
-    let judged: Vec<JudgedTurn<'_>> = judged.collect();
+pub fn free_rays(turns: &[Arc<Footprint>], at: &Linearization<'_>, floor: &Floor) -> Vec<FreeRays> {
+    let Some(known) = Known::new(at, floor) else { return Vec::new() };
+    let judged: Vec<JudgedTurn<'_>> =
+        turns.iter().enumerate().filter_map(|turn| JudgedTurn::new(turn, &known)).collect();
     let mut reaches = vec![Reach::default(); at.lidars.len()];
     for turn in &judged {
         turn.tell(&mut reaches[turn.footprint.lidar_idx]);
@@ -94,33 +109,35 @@ pub fn free_rays(turns: &[Arc<Footprint>], at: &Linearization<'_>, floor_m: f64)
     let free = judged.iter().filter_map(|turn| {
         let reach_m = reaches_m[turn.footprint.lidar_idx]?;
         let to_m: Vec<_> = turn.free_ends(reach_m).collect();
-        (!to_m.is_empty()).then_some(FreeRays { from_m: turn.lidar_m, to_m })
+        let free = FreeRays { turn_idx: turn.turn_idx, from_m: turn.lidar_m, to_m };
+        (!free.to_m.is_empty()).then_some(free)
     });
     free.collect()
 }
 
 /// A turn whose silent rays were followed.
 struct JudgedTurn<'a> {
+    turn_idx: usize,
     footprint: &'a Footprint,
     lidar_m: Vector3<f64>,
-    /// By silent ray, where it would have met the ground.
+    /// By silent ray, where it met the ground.
     met: Vec<Option<Met>>,
 }
 
+/// Where a ray first passed below known ground or the floor.
 #[derive(Debug, Clone, Copy)]
 struct Met {
     range_m: f64,
-    /// Within what is measured, where it tells how far ground answers.
-    is_inside: bool,
+    /// It tells how far ground answers: it met what is measured, and is no matter of centimetres.
+    is_lost: bool,
 }
 
 impl<'a> JudgedTurn<'a> {
-    fn new(footprint: &'a Footprint, at: &Linearization<'_>, floor_m: f64) -> Option<Self> {
-        at.heights_m?;
-        let lidar = at.lidars.get(footprint.lidar_idx)?;
+    fn new((turn_idx, footprint): (usize, &'a Arc<Footprint>), known: &Known<'_>) -> Option<Self> {
+        let lidar = known.at.lidars.get(footprint.lidar_idx)?;
         let lidar_m = (footprint.hall_from_body * lidar.body_from_lidar.origin).coords;
-        let met = |ray: &SilentRay| meets(&lidar_m, &place(ray.to_m), at, floor_m);
-        Some(Self { footprint, lidar_m, met: footprint.silent.iter().map(met).collect() })
+        let met = |ray: &SilentRay| known.meets(&lidar_m, &place(ray.to_m));
+        Some(Self { turn_idx, footprint, lidar_m, met: footprint.silent.iter().map(met).collect() })
     }
 
     /// What the turn tells of how far ground answers.
@@ -129,7 +146,7 @@ impl<'a> JudgedTurn<'a> {
             reach.take_echoes((Patch::place(patch) - self.lidar_m).norm(), patch.n_beams.into());
         }
         for (ray, met) in std::iter::zip(&self.footprint.silent, &self.met) {
-            if let Some(met) = met.filter(|met| met.is_inside) {
+            if let Some(met) = met.filter(|met| met.is_lost && met.range_m > TOO_NEAR_M) {
                 reach.take_lost(met.range_m, ray.n_beams.into());
             }
         }
@@ -146,28 +163,66 @@ impl<'a> JudgedTurn<'a> {
     }
 }
 
-/// Where a ray first passes below known ground or the floor.
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "rays are some hundred cells long at most"
-)]
-fn meets(
-    from_m: &Vector3<f64>,
-    to_m: &Vector3<f64>,
-    at: &Linearization<'_>,
-    floor_m: f64,
-) -> Option<Met> {
-    let whole_m = to_m - from_m;
-    let n_steps = (whole_m.norm() / at.lattice.spacing_m()).ceil() as usize;
-    (1..=n_steps).find_map(|step| {
-        let along_m = whole_m * (step as f64 / n_steps as f64);
-        let p = from_m + along_m;
-        let row = at.lattice.row_at(p.x, p.y);
-        let ground_m = row.as_ref().and_then(|row| at.known_surface_m(row));
-        (p.z < ground_m.unwrap_or(floor_m) - BELOW_M)
-            .then(|| Met { range_m: along_m.norm(), is_inside: row.is_some() })
-    })
+/// The ground that rays are judged by.
+struct Known<'a> {
+    at: &'a Linearization<'a>,
+    floor: &'a Floor,
+    /// Nothing known is higher, m.
+    top_m: f64,
+}
+
+impl<'a> Known<'a> {
+    fn new(at: &'a Linearization<'a>, floor: &'a Floor) -> Option<Self> {
+        let known = std::iter::zip(at.heights_m?, at.is_known).filter(|(_, is_known)| **is_known);
+        let heights_m = known.map(|(height_m, _)| height_m).chain(&floor.of_cells_m);
+        let top_m = heights_m.copied().fold(floor.elsewhere_m, f64::max);
+        Some(Self { at, floor, top_m })
+    }
+
+    /// Follows a ray in steps of a cell.
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "rays are some hundred cells long at most"
+    )]
+    fn meets(&self, from_m: &Vector3<f64>, to_m: &Vector3<f64>) -> Option<Met> {
+        let whole_m = to_m - from_m;
+        let length_m = whole_m.norm();
+        let n_steps = (length_m / self.at.lattice.spacing_m()).ceil().max(1.0);
+        // Above all that is known nothing is met.
+        let above = ((from_m.z - self.top_m) / (from_m.z - to_m.z)).clamp(0.0, 1.0);
+        let first = if to_m.z < from_m.z { (above * n_steps).floor() } else { 0.0 };
+        let mut before: Option<(f64, f64)> = None;
+        let mut met: Option<Met> = None;
+        for step in first as usize..=n_steps as usize {
+            let range_m = length_m * (step as f64 / n_steps);
+            let p = from_m + whole_m * (step as f64 / n_steps);
+            let (ground_m, is_measured) = self.ground(p.x, p.y);
+            let over_m = p.z - ground_m;
+            if over_m < 0.0 && met.is_none() {
+                // Between two steps rays and ground are straight.
+                let back = before.map_or(0.0, |(_, was_over_m)| over_m / (over_m - was_over_m));
+                let step_m = before.map_or(0.0, |(was_at_m, _)| range_m - was_at_m);
+                met = Some(Met { range_m: range_m - back * step_m, is_lost: false });
+            }
+            if let Some(met) = met.as_mut().filter(|_| over_m < -BELOW_M) {
+                met.is_lost = is_measured;
+                break;
+            }
+            before = Some((range_m, over_m));
+        }
+        met
+    }
+
+    /// The height of what a ray would meet at a place, m, and if it is measured there.
+    fn ground(&self, x_m: f64, y_m: f64) -> (f64, bool) {
+        let lattice = self.at.lattice;
+        let cell = lattice.grid().cell_at(x_m, y_m);
+        let row = lattice.row_at(x_m, y_m);
+        let surface_m = row.and_then(|row| self.at.known_surface_m(&row));
+        let floor_m = cell.map_or(self.floor.elsewhere_m, |cell| self.floor.of_cells_m[cell]);
+        (surface_m.unwrap_or(floor_m), cell.is_some())
+    }
 }
 
 fn place(place_m: [f32; 3]) -> Vector3<f64> {

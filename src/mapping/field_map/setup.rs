@@ -8,6 +8,7 @@ use crate::mapping::footprint::Footprint;
 use crate::mapping::matern_field::{Information, Prior};
 use crate::mapping::ray_ceiling::RayCeiling;
 use crate::mapping::shares::SeenCells;
+use crate::mapping::silence::Floor;
 use crate::mapping::unseen_patch::{Ground, VarBesideSeen};
 use std::sync::Arc;
 
@@ -97,12 +98,26 @@ impl Setup {
 
     /// No ground is lower than this, m over the hall floor: the lowest base, but for one that was dug into.
     pub(super) fn floor_m(&self) -> f64 {
-        let may_be_dug_into = self.bays.iter().any(|bay| bay.is_over_survey);
-        if may_be_dug_into { f64::NEG_INFINITY } else { self.lowest_base_m() }
+        if self.may_be_dug_into() { f64::NEG_INFINITY } else { self.lowest_base_m() }
     }
 
-    /// The lowest base, m over the hall floor.
-    pub(super) fn lowest_base_m(&self) -> f64 {
+    /// What stops rays where no ground is known: the base, or everywhere the lowest one where it may be dug into.
+    pub(super) fn floor(&self) -> Floor {
+        let lowest_m = self.lowest_base_m();
+        let bases = self.bays.first().filter(|_| !self.may_be_dug_into()).map(|whole| &whole.base);
+        let of_cell = |cell: usize| {
+            let base = bases.filter(|base| base.cell_areas_m2[cell] > 0.0);
+            base.map_or(lowest_m, |base| base.cell_base_m[cell])
+        };
+        let of_cells_m = (0..self.lattice.grid().n_cells()).map(of_cell).collect();
+        Floor { of_cells_m, elsewhere_m: lowest_m }
+    }
+
+    fn may_be_dug_into(&self) -> bool {
+        self.bays.iter().any(|bay| bay.is_over_survey)
+    }
+
+    fn lowest_base_m(&self) -> f64 {
         let lowest_m = self.bays.first().and_then(|whole| whole.base.lowest_m());
         lowest_m.unwrap_or(f64::NEG_INFINITY)
     }

@@ -189,8 +189,8 @@ impl SolveField {
     /// The ceilings by all rays, those without an echo included.
     fn ceiling_with_silence(&self, turns: &[Arc<Footprint>], at: &Linearization<'_>) -> RayCeiling {
         let mut ceiling = RayCeiling::clone(&self.ceiling);
-        for free in free_rays(turns, at, self.setup.lowest_base_m()) {
-            ceiling.take_rays(at.lattice, &free.from_m, free.to_m);
+        for free in free_rays(turns, at, &self.setup.floor()) {
+            ceiling.take_rays(at.lattice, free.turn_idx, &free.from_m, free.to_m);
         }
         ceiling
     }

@@ -238,6 +238,40 @@ fn silent_beams_that_come_down_are_kept_with_their_turn() {
 }
 
 #[test]
+fn silence_over_hidden_ground_lowers_its_ceiling() {
+    // Level ground at 1.2 m answers as far as y = 5, from 5.2 m over the floor at y = 0.5; beyond it
+    // nothing does, so what lies there is lower than the silent beams.
+    let known_heights = |silent_m: f32| {
+        let mut mapper = Mapper::new(settings(Method::MaternField));
+        for k in 0..42 {
+            let x = 0.5 + 0.25 * f64::from(k % 21);
+            let pose = Transform::new(Rotation::identity(), Point::new(x, 0.5, 5.2));
+            let beams = (0_u8..91).map(|k| 0.0125 * f32::from(k)).map(|angle_rad| {
+                let range_m = if angle_rad < 0.85 { 4.0 / angle_rad.cos() } else { silent_m };
+                Beam { offset_ns: 0, angle_rad, range_m, intensity: 1 }
+            });
+            let scan = Scan { start: Stamp::ZERO, beams: beams.collect() };
+            mapper.insert(&scan, |_| Some((pose, Matrix6::identity() * 1e-6)), pose_error);
+        }
+        let solved = mapper.snapshot(Stamp::ZERO, false).run().expect("solved");
+        mapper.absorb(&solved);
+        mapper.snapshot(Stamp::ZERO, false).known_heights().expect("known")
+    };
+    let ceiling_m = |silent_m| {
+        let heights = known_heights(silent_m);
+        let cell = heights.grid.cell_at(3.1, 5.4).expect("in the grid");
+        heights.ceiling_m[cell]
+    };
+    // Ranges that are not trusted are no silence.
+    assert!(ceiling_m(13.0).is_infinite());
+    let lowest_m = ceiling_m(0.0);
+    // The farthest echo is from 4/cos 0.8375 = 5.98 m, so rays are free for 5.9 m; of those that come
+    // so far, 4.9 m aside, the lowest ends there.
+    let expected_m = 5.2 - (5.9_f64.powi(2) - 4.9_f64.powi(2)).sqrt();
+    assert!((lowest_m - expected_m).abs() < 0.1, "{lowest_m} {expected_m}");
+}
+
+#[test]
 fn every_beam_is_counted_once() {
     let mut mapper = Mapper::new(settings(Method::KalmanGrid));
     let beam = |angle_rad, range_m| Beam { offset_ns: 0, angle_rad, range_m, intensity: 0 };

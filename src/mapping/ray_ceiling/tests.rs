@@ -67,8 +67,8 @@ fn rays_match_a_walk_along_them() {
             noise.between(0.0, 3.0),
         );
         let mut ceiling = RayCeiling::new(lattice.n_nodes());
-        for _ in 0..2 {
-            ceiling.take(&lattice, &lidar, &turn(&from, &[hit]));
+        for turn_idx in 0..2 {
+            ceiling.take(&lattice, &lidar, turn_idx, &turn(&from, &[hit]));
         }
         let lidar_m = (from * lidar.body_from_lidar.origin).coords;
         let way = lidar_m - hit;
@@ -109,14 +109,14 @@ fn one_wrong_range_lowers_the_ceiling_by_half_a_metre_of_a_ray_at_most() {
     let wrong = Vector3::new(5.0, 4.0, -4.0);
     let mut ceiling = RayCeiling::new(lattice.n_nodes());
     // Several beams of the same turn are one witness.
-    ceiling.take(&lattice, &lidar, &turn(&from, &[good, good]));
+    ceiling.take(&lattice, &lidar, 0, &turn(&from, &[good, good]));
     let lidar_m = (from * lidar.body_from_lidar.origin).coords;
     let column_m = lattice.place_m(lattice.nearest_node(3.0, 4.0)).0;
     let along = (column_m - lidar_m.x) / (good.x - lidar_m.x);
     let node = lattice.nearest_node(column_m, lidar_m.y + along * (good.y - lidar_m.y));
     assert_eq!(ceiling.at_node_m(&lattice, node), None);
-    ceiling.take(&lattice, &lidar, &turn(&from, &[wrong]));
-    ceiling.take(&lattice, &lidar, &turn(&from, &[good]));
+    ceiling.take(&lattice, &lidar, 1, &turn(&from, &[wrong]));
+    ceiling.take(&lattice, &lidar, 2, &turn(&from, &[good]));
     let height_m = ceiling.at_node_m(&lattice, node).expect("two turns looked over it");
     let of_good = lidar_m.z + along * (good.z - lidar_m.z);
     // By itself the wrong one is 1.6 m lower there.
