@@ -11,6 +11,7 @@ use clap::Args;
 const HALF_WIDTH_RAD: f64 = 0.004;
 
 /// The hazards of a run.
+#[expect(clippy::struct_excessive_bools, reason = "switches of the command line, each by itself")]
 #[derive(Debug, Clone, Copy, PartialEq, Default, Args)]
 pub struct Hazards {
     /// Share of beams that dust sends back from anywhere before the surface, such as 0.01.

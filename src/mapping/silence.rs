@@ -36,7 +36,7 @@ const APART_RAD: f64 = 0.02;
 /// A ray that passes less than this below the known surface, m, may have passed over it, or not: crests
 /// lie between nodes, poses are off by centimetres. It says nothing.
 const BELOW_M: f64 = 0.1;
-/// Nearer than this LiDARs are silent by themselves, m.
+/// Nearer than this a LiDAR is silent by itself, m.
 const TOO_NEAR_M: f64 = 1.0;
 
 /// Neighbouring beams of a turn without an echo.
