@@ -124,12 +124,13 @@ struct JudgedTurn<'a> {
     met: Vec<Option<Met>>,
 }
 
-/// Where a ray first passed below known ground or the floor.
+/// Where a ray passed below known ground or the floor.
 #[derive(Debug, Clone, Copy)]
 struct Met {
+    /// At first.
     range_m: f64,
-    /// It tells how far ground answers: it met what is measured, and is no matter of centimetres.
-    is_lost: bool,
+    /// Where it certainly met what is measured: that tells how far ground answers.
+    lost_at_m: Option<f64>,
 }
 
 impl<'a> JudgedTurn<'a> {
@@ -146,8 +147,8 @@ impl<'a> JudgedTurn<'a> {
             reach.take_echoes((Patch::place(patch) - self.lidar_m).norm(), patch.n_beams.into());
         }
         for (ray, met) in std::iter::zip(&self.footprint.silent, &self.met) {
-            if let Some(met) = met.filter(|met| met.is_lost && met.range_m > TOO_NEAR_M) {
-                reach.take_lost(met.range_m, ray.n_beams.into());
+            if let Some(range_m) = met.and_then(|met| met.lost_at_m).filter(|at| *at > TOO_NEAR_M) {
+                reach.take_lost(range_m, ray.n_beams.into());
             }
         }
     }
@@ -193,21 +194,25 @@ impl<'a> Known<'a> {
         let above = ((from_m.z - self.top_m) / (from_m.z - to_m.z)).clamp(0.0, 1.0);
         let first = if to_m.z < from_m.z { (above * n_steps).floor() } else { 0.0 };
         let mut before: Option<(f64, f64)> = None;
+        let mut below_from_m: Option<f64> = None;
         let mut met: Option<Met> = None;
         for step in first as usize..=n_steps as usize {
             let range_m = length_m * (step as f64 / n_steps);
             let p = from_m + whole_m * (step as f64 / n_steps);
             let (ground_m, is_measured) = self.ground(p.x, p.y);
             let over_m = p.z - ground_m;
-            if over_m < 0.0 && met.is_none() {
+            if over_m < 0.0 {
                 // Between two steps rays and ground are straight.
                 let back = before.map_or(0.0, |(_, was_over_m)| over_m / (over_m - was_over_m));
                 let step_m = before.map_or(0.0, |(was_at_m, _)| range_m - was_at_m);
-                met = Some(Met { range_m: range_m - back * step_m, is_lost: false });
-            }
-            if let Some(met) = met.as_mut().filter(|_| over_m < -BELOW_M) {
-                met.is_lost = is_measured;
-                break;
+                let from_m = *below_from_m.get_or_insert(range_m - back * step_m);
+                let met = met.get_or_insert(Met { range_m: from_m, lost_at_m: None });
+                if over_m < -BELOW_M {
+                    met.lost_at_m = is_measured.then_some(from_m);
+                    break;
+                }
+            } else {
+                below_from_m = None;
             }
             before = Some((range_m, over_m));
         }
